@@ -1,0 +1,1 @@
+//! The breadboard: wires scenario, sensors, front end, emulator, firmware and golden model.

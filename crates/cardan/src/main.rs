@@ -1,0 +1,3 @@
+//! Cardan: proves fixed-point sensor firmware against its golden model before silicon.
+
+fn main() {}

@@ -1,0 +1,1 @@
+//! Alignment, metrics, tolerances, error budget, verdict and report.

@@ -1,0 +1,1 @@
+//! Node, Arithmetic and the deployed arithmetic: what users write their own algorithms against.

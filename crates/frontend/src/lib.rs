@@ -1,0 +1,1 @@
+//! The analog chain with track-and-hold, stepped exactly between controller events.

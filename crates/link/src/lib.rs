@@ -1,0 +1,1 @@
+//! What crosses process borders: nodes, codes and frames over iceoryx2 shared memory.

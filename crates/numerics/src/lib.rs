@@ -1,0 +1,1 @@
+//! The other arithmetics over the same algorithm: real and tunable.

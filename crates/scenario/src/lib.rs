@@ -1,0 +1,1 @@
+//! What the device experiences: trajectories, recordings and the Earth field.

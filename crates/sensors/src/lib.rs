@@ -1,0 +1,1 @@
+//! MEMS physics: acceleration and magnetic field to bridge signals.

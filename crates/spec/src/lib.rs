@@ -1,0 +1,1 @@
+//! The reference design's constants with their reasons, node names, frame and calibration layouts.

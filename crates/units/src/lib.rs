@@ -1,0 +1,1 @@
+//! Volts, ADC codes, MCU cycles and angles as types that carry their scale.

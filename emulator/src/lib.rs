@@ -1,0 +1,1 @@
+//! Cycle-accurate emulator of an 8-bit AVR microcontroller (ATmega328P).

@@ -1,0 +1,1 @@
+//! The shared no_std firmware: averaging, calibration, attitude, frames.
