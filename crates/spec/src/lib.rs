@@ -1,1 +1,68 @@
 //! The reference design's constants with their reasons, node names, frame and calibration layouts.
+//!
+//! A leaf without `std`. The firmware and the golden model meet here and nowhere else: what stands
+//! here is agreed (names, rates, scales, layouts), what is computed from it is not shared.
+#![no_std]
+
+pub mod calibration;
+pub mod flags;
+pub mod frame;
+pub mod nodes;
+pub mod taps;
+pub mod timing;
+
+/// Sensor channels in the order in which the controller converts them; the index is the ADC channel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[repr(u8)]
+pub enum Channel {
+    /// Thermal accelerometer along body x, on ADC0.
+    TiltX = 0,
+    /// Thermal accelerometer along body y, on ADC1.
+    TiltY = 1,
+    /// Lorentz magnetometer along body x, on ADC2.
+    FieldX = 2,
+    /// Lorentz magnetometer along body y, on ADC3.
+    FieldY = 3,
+}
+
+impl Channel {
+    /// All channels in conversion order.
+    pub const ALL: [Channel; 4] = [
+        Channel::TiltX,
+        Channel::TiltY,
+        Channel::FieldX,
+        Channel::FieldY,
+    ];
+}
+
+/// Number of sensor channels.
+pub const CHANNELS: usize = Channel::ALL.len();
+
+/// Supply and ADC reference of the board in volts: AVCC of the reference board.
+pub const REFERENCE_V: f64 = 5.0;
+
+/// Specific force that drives a tilt channel to either rail, in g: 1 g, 50 mg of offset and a
+/// margin for motion (sensors reference, section 3).
+pub const TILT_FULL_SCALE_G: f64 = 1.2;
+
+/// Field that drives a magnetometer channel to either rail, in microtesla: the Earth's field is at
+/// most 65 uT, at the reference site 46 uT (sensors reference, sections 3 and 5).
+pub const FIELD_FULL_SCALE_UT: f64 = 60.0;
+
+/// Arguments of the inverse functions are clamped to 1; beyond 1 plus this margin the solution is
+/// flagged. 1/32 is about three standard deviations of the heading cosine for one conversion with
+/// 0.5 LSB rms noise at 60 degrees tilt.
+pub const DOMAIN_MARGIN: f64 = 1.0 / 32.0;
+
+/// Yaw is undefined, held and flagged when e1^2 + e2^2 is under this (sensors reference, 7.7).
+pub const YAW_LEAST_EAST_SQUARE: f64 = 0.01;
+
+/// The solution is flagged as outside the valid half-space when the squared cosine of the tilt is
+/// under this: 0.03 is a tilt of 80 degrees, where the sign of the vertical is no longer certain.
+pub const HALF_SPACE_LEAST_DOWN_SQUARE: f64 = 0.03;
+
+/// The field is flagged as disturbed when the two expressions for the squared product of the
+/// vertical components of gravity and field, (sin I - b1 t1 - b2 t2)^2 and
+/// (1 - t1^2 - t2^2)(1 - b1^2 - b2^2), differ by more than this, in units of g^2 |B|^2
+/// (sensors reference, 7.4: four readings, three unknowns).
+pub const FIELD_RESIDUAL_LIMIT: f64 = 0.15;

@@ -1,0 +1,28 @@
+//! Status bits of a solution, on the wire and in the golden model.
+
+/// A channel's code reached either end of the scale in this solution.
+pub const SATURATION: u16 = 1 << 0;
+/// The device is, or may be, outside the upright half-space that two tilt axes can resolve.
+pub const HALF_SPACE: u16 = 1 << 1;
+/// The four readings contradict the calibrated Earth field.
+pub const DISTURBED: u16 = 1 << 2;
+/// The calibration in EEPROM is absent or damaged; nominal values are in use.
+pub const UNCALIBRATED: u16 = 1 << 3;
+/// An argument left the domain of an inverse function by more than noise, or a divisor was zero.
+pub const DOMAIN: u16 = 1 << 4;
+/// The previous solution was not finished when this one's averages were complete, or a conversion
+/// came late.
+pub const LATE: u16 = 1 << 5;
+/// Yaw is undefined at this attitude; the last defined value is repeated.
+pub const YAW_HELD: u16 = 1 << 6;
+
+/// Every bit with its name, lowest first.
+pub const NAMES: [(u16, &str); 7] = [
+    (SATURATION, "saturation"),
+    (HALF_SPACE, "half_space"),
+    (DISTURBED, "disturbed"),
+    (UNCALIBRATED, "uncalibrated"),
+    (DOMAIN, "domain"),
+    (LATE, "late"),
+    (YAW_HELD, "yaw_held"),
+];

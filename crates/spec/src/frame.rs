@@ -1,0 +1,24 @@
+//! Layout of the frames on the serial line (115200 8N1, binary).
+//!
+//! A frame is COBS-encoded and ends with a zero byte. Before encoding, all little-endian:
+//!
+//! | offset | type | content |
+//! |---|---|---|
+//! | 0 | u16 | sequence number of the solution, counting the ones discarded while settling |
+//! | 2 | 4 x i16 | sums of the bipolar codes per channel, in conversion order |
+//! | 10 | 3 x i16 | yaw, pitch, roll of set 1 (Z-Y-X) in half turns, 15 fractional bits |
+//! | 16 | u16 | status bits ([`crate::flags`]) |
+//! | 18 | u16 | CRC-16/CCITT (polynomial 0x1021, start 0xFFFF, as "CRC-16/IBM-3740") of bytes 0..18 |
+
+/// Bytes of a frame before COBS, with its CRC.
+pub const PAYLOAD_LEN: usize = 20;
+/// Bytes of a frame on the wire: COBS adds one byte for payloads up to 254, the zero another.
+pub const WIRE_LEN: usize = PAYLOAD_LEN + 2;
+/// The byte that ends a frame.
+pub const DELIMITER: u8 = 0;
+/// Fractional bits of the angles.
+pub const ANGLE_FRAC: u32 = 15;
+/// A received byte that switches the device to text lines.
+pub const COMMAND_TEXT: u8 = b't';
+/// A received byte that switches the device to binary frames.
+pub const COMMAND_BINARY: u8 = b'b';
