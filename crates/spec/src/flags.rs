@@ -3,6 +3,14 @@
 /// A channel's code reached either end of the scale in this solution.
 pub const SATURATION: u16 = 1 << 0;
 /// The device is, or may be, outside the upright half-space that two tilt axes can resolve.
+///
+/// Two readings of gravity leave the sign of its z component open, and so do two of the field; but
+/// the product of both is observable: q = v - b1 t1 - b2 t2 = d3 b3. While one factor passes zero
+/// the other, clear of zero, keeps its sign, so the signs can be tracked from an upright start:
+/// with d3^2 = 1 - t1^2 - t2^2 and b3^2 = 1 - b1^2 - b2^2, in every solution
+/// if d3^2 < b3^2 then sign(d3) := sign(b3) sign(q), else sign(b3) := sign(d3) sign(q)
+/// (sign(x) = +1 for x >= 0). At the first solution sign(d3) = +1 and sign(b3) = sign(q).
+/// The flag is set while sign(d3) < 0 or d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`].
 pub const HALF_SPACE: u16 = 1 << 1;
 /// The four readings contradict the calibrated Earth field.
 pub const DISTURBED: u16 = 1 << 2;

@@ -4,7 +4,7 @@
 //!
 //! | offset | type | content |
 //! |---|---|---|
-//! | 0 | u16 | sequence number of the solution, counting the ones discarded while settling |
+//! | 0 | u16 | sequence number of the solution; the first after settling is 0 |
 //! | 2 | 4 x i16 | sums of the bipolar codes per channel, in conversion order |
 //! | 10 | 3 x i16 | yaw, pitch, roll of set 1 (Z-Y-X) in half turns, 15 fractional bits |
 //! | 16 | u16 | status bits ([`crate::flags`]) |

@@ -40,8 +40,9 @@ pub const CONVERSIONS_PER_SOLUTION: usize = AVERAGING * super::CHANNELS;
 /// CPU cycles per solution.
 pub const SOLUTION_CYCLES: u64 = CONVERSIONS_PER_SOLUTION as u64 * CONVERSION_CYCLES;
 
-/// Solutions discarded after reset, while the analog filters settle: 12 of 8 ms are more than ten
-/// time constants of the slowest (31 Hz) low-pass.
+/// Solutions' worth of conversions ignored after reset (neither summed nor published), while the
+/// analog filters settle: 12 of 8 ms are more than ten time constants of the slowest (31 Hz)
+/// low-pass.
 pub const WARM_UP_SOLUTIONS: usize = 12;
 
 /// UBRR0 with U2X0 set: 16 MHz / (8 * 17) = 117,647 baud, 2.1 % above 115,200.
