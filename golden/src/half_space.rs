@@ -1,0 +1,72 @@
+//! Which way is up: tracking the signs that two readings of gravity and two of field leave open.
+//!
+//! The rule is agreed in [`cardan_spec::flags::HALF_SPACE`]; its base is 7.4 of the sensors
+//! reference.
+
+use cardan_spec::{FIELD_RESIDUAL_LIMIT, HALF_SPACE_LEAST_DOWN_SQUARE};
+
+use crate::rotation::{EarthField, Readings};
+
+/// The products of the z components that four readings make observable.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Vertical {
+    /// q = v - b1 t1 - b2 t2 = d3 b3.
+    pub dip_product: f64,
+    /// d3^2 = 1 - t1^2 - t2^2.
+    pub down_square: f64,
+    /// b3^2 = 1 - b1^2 - b2^2.
+    pub field_square: f64,
+}
+
+impl Vertical {
+    /// From readings; noise may make the squares negative.
+    #[must_use]
+    pub fn of(readings: &Readings, earth: EarthField) -> Self {
+        let ([t1, t2], [b1, b2]) = (readings.tilt, readings.field);
+        Self {
+            dip_product: earth.vertical - b1 * t1 - b2 * t2,
+            down_square: 1.0 - t1 * t1 - t2 * t2,
+            field_square: 1.0 - b1 * b1 - b2 * b2,
+        }
+    }
+
+    /// True when the readings contradict the calibrated field: q^2 and d3^2 b3^2 differ by more
+    /// than [`FIELD_RESIDUAL_LIMIT`].
+    #[must_use]
+    pub fn is_disturbed(&self) -> bool {
+        let residual = self.dip_product * self.dip_product - self.down_square * self.field_square;
+        residual.abs() > FIELD_RESIDUAL_LIMIT
+    }
+}
+
+/// Signs of the z components of gravity and field.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Signs {
+    down_positive: bool,
+    field_positive: bool,
+}
+
+/// Carries the signs from solution to solution, from an upright start.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct HalfSpace {
+    signs: Option<Signs>,
+}
+
+impl HalfSpace {
+    /// Takes the next solution; true when the device is, or may be, outside the upright half-space.
+    pub fn track(&mut self, vertical: &Vertical) -> bool {
+        let product_positive = vertical.dip_product >= 0.0;
+        let mut signs = self.signs.unwrap_or(Signs {
+            down_positive: true,
+            field_positive: product_positive,
+        });
+        // The factor that is farther from zero has kept its sign and gives the other its own.
+        if vertical.down_square < vertical.field_square {
+            signs.down_positive = signs.field_positive == product_positive;
+        } else {
+            signs.field_positive = signs.down_positive == product_positive;
+        }
+        self.signs = Some(signs);
+        !signs.down_positive || vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE
+    }
+}

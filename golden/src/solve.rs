@@ -1,0 +1,185 @@
+//! From the four averages to an attitude: calibration, both orders, weighting, validity.
+
+use cardan_spec::calibration::Calibration;
+use cardan_spec::{CHANNELS, Channel, YAW_LEAST_EAST_SQUARE, flags};
+use cardan_units::HalfTurns;
+use nalgebra::{Matrix2, Vector2};
+
+use crate::domain::Domain;
+use crate::half_space::{HalfSpace, Vertical};
+use crate::node;
+use crate::orders::{self, Heading, Tilt};
+use crate::rotation::{Angles, Attitude, EarthField, Readings, set_1_matrix};
+
+/// What one solution leaves for the next: the last defined yaw (0 at first) and the tracked signs.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Memory {
+    yaw: HalfTurns,
+    half_space: HalfSpace,
+}
+
+/// One solution.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Solution {
+    /// Set 1's yaw, in -1..1.
+    pub yaw: HalfTurns,
+    /// Set 1's pitch.
+    pub pitch: HalfTurns,
+    /// Set 1's roll, of the upright half-space: -0.5..=0.5.
+    pub roll: HalfTurns,
+    /// Status bits ([`cardan_spec::flags`]). The golden model never sets uncalibrated or late.
+    pub flags: u16,
+    /// The attitude that the three angles name.
+    pub attitude: Attitude,
+}
+
+impl Solution {
+    /// The three angles.
+    #[must_use]
+    pub fn angles(&self) -> Angles {
+        Angles {
+            yaw: self.yaw,
+            pitch: self.pitch,
+            roll: self.roll,
+        }
+    }
+}
+
+/// Applies the calibration to averages over full scale, in channel order.
+#[must_use]
+pub fn calibrate(averages: &[f64; CHANNELS], calibration: &Calibration) -> Readings {
+    let pair = |x: Channel, y: Channel, matrix: &[[f64; 2]; 2], offset: [f64; 2]| {
+        let average = Vector2::new(averages[x as usize], averages[y as usize]);
+        let matrix = Matrix2::new(matrix[0][0], matrix[0][1], matrix[1][0], matrix[1][1]);
+        (matrix * (average - Vector2::from(offset))).into()
+    };
+    Readings {
+        tilt: pair(
+            Channel::TiltX,
+            Channel::TiltY,
+            &calibration.tilt_matrix,
+            calibration.tilt_offset,
+        ),
+        field: pair(
+            Channel::FieldX,
+            Channel::FieldY,
+            &calibration.field_matrix,
+            calibration.field_offset,
+        ),
+    }
+}
+
+/// Solves one set of averages (fractions of full scale, in channel order). `record` takes each
+/// node's index in [`cardan_spec::nodes::SHARED`] and value at each write, in signal order, from the
+/// averages on. The saturation flag is the caller's, who has seen the conversions.
+pub fn solve(
+    averages: &[f64; CHANNELS],
+    calibration: &Calibration,
+    memory: &mut Memory,
+    record: &mut impl FnMut(usize, f64),
+) -> Solution {
+    for &average in averages {
+        record(node::AVERAGE, average);
+    }
+    solve_readings(
+        &calibrate(averages, calibration),
+        EarthField::from(calibration),
+        memory,
+        record,
+    )
+}
+
+/// Solves one set of calibrated readings; see [`solve`].
+pub fn solve_readings(
+    readings: &Readings,
+    earth: EarthField,
+    memory: &mut Memory,
+    record: &mut impl FnMut(usize, f64),
+) -> Solution {
+    record(node::TILT_X, readings.tilt[0]);
+    record(node::TILT_Y, readings.tilt[1]);
+    record(node::FIELD_X, readings.field[0]);
+    record(node::FIELD_Y, readings.field[1]);
+
+    let mut domain = Domain::default();
+    let tilt_1 = orders::tilt_1(readings, &mut domain);
+    let tilt_2 = orders::tilt_2(readings, &mut domain);
+    record(node::COS_1, tilt_1.cos_pitch);
+    record(node::COS_2, tilt_2.cos_roll);
+    record(node::DOWN, orders::down(readings));
+
+    let heading_1 = orders::heading_1(readings, &tilt_1, earth, &mut domain);
+    let heading_2 = orders::heading_2(readings, &tilt_2, earth, &mut domain);
+    record(node::HEADING_COS_1, heading_1.cosine);
+    record(node::HEADING_SIN_2, heading_2.sine);
+
+    let yaw_2 = in_set_1(&tilt_2, &heading_2);
+    record(node::YAW_1, heading_1.yaw.0);
+    record(node::YAW_2, yaw_2.0);
+    let yaw_held = combine(
+        &tilt_1,
+        &heading_1,
+        yaw_2,
+        &mut domain,
+        &mut memory.yaw,
+        record,
+    );
+
+    let angles = Angles {
+        yaw: memory.yaw,
+        pitch: HalfTurns::from_radians(libm::asin(tilt_1.sin_pitch)),
+        roll: HalfTurns::from_radians(libm::asin(tilt_1.sin_roll)),
+    };
+    record(node::YAW, angles.yaw.0);
+    record(node::PITCH, angles.pitch.0);
+    record(node::ROLL, angles.roll.0);
+
+    let vertical = Vertical::of(readings, earth);
+    record(node::DIP_PRODUCT, vertical.dip_product);
+    record(node::FIELD_Z_SQUARE, vertical.field_square);
+
+    let outside = memory.half_space.track(&vertical);
+    let flags = bit(flags::HALF_SPACE, outside)
+        | bit(flags::DISTURBED, vertical.is_disturbed())
+        | bit(flags::DOMAIN, domain.was_left())
+        | bit(flags::YAW_HELD, yaw_held);
+    Solution {
+        yaw: angles.yaw,
+        pitch: angles.pitch,
+        roll: angles.roll,
+        flags,
+        attitude: set_1_matrix(angles),
+    }
+}
+
+const fn bit(flag: u16, set: bool) -> u16 {
+    if set { flag } else { 0 }
+}
+
+/// Set 2's yaw as set 1 would name it: from the matrix elements M01 and M00 (7.3).
+fn in_set_1(tilt: &Tilt, heading: &Heading) -> HalfTurns {
+    let matrix = orders::matrix_2(tilt, heading.yaw);
+    HalfTurns::from_radians(libm::atan2(matrix[(0, 1)], matrix[(0, 0)]))
+}
+
+/// Weighs the two yaws by the squares of east's body components (7.6) into `yaw`, or keeps it where
+/// it is undefined; true in the latter case.
+fn combine(
+    tilt_1: &Tilt,
+    heading_1: &Heading,
+    yaw_2: HalfTurns,
+    domain: &mut Domain,
+    yaw: &mut HalfTurns,
+    record: &mut impl FnMut(usize, f64),
+) -> bool {
+    let (e1, e2) = orders::east_1(tilt_1, heading_1);
+    let east_square = e1 * e1 + e2 * e2;
+    let weight_1 = domain.quotient(e1 * e1, east_square);
+    record(node::WEIGHT_1, weight_1);
+    let held = east_square < YAW_LEAST_EAST_SQUARE;
+    if !held {
+        let difference = HalfTurns(heading_1.yaw.0 - yaw_2.0).wrapped();
+        *yaw = HalfTurns(yaw_2.0 + weight_1 * difference.0).wrapped();
+    }
+    held
+}

@@ -1,0 +1,91 @@
+//! The half-space flag on simulated rotations through upside-down and back.
+
+use cardan_golden::solve::{Memory, solve_readings};
+use cardan_golden::{Angles, Attitude, EarthField, ideal_readings, set_1_matrix};
+use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, flags};
+use cardan_units::HalfTurns;
+
+const EARTH: EarthField = EarthField {
+    horizontal: 0.510_087_9,
+    vertical: 0.860_122_3,
+};
+
+fn flagged(attitude: &Attitude, memory: &mut Memory) -> bool {
+    let solution = solve_readings(
+        &ideal_readings(attitude, EARTH),
+        EARTH,
+        memory,
+        &mut |_, _| {},
+    );
+    solution.flags & flags::HALF_SPACE != 0
+}
+
+fn attitude(yaw: f64, pitch: f64, roll: f64) -> Attitude {
+    set_1_matrix(Angles {
+        yaw: HalfTurns::from_degrees(yaw),
+        pitch: HalfTurns::from_degrees(pitch),
+        roll: HalfTurns::from_degrees(roll),
+    })
+}
+
+#[test]
+fn the_flag_follows_the_device_through_upside_down_and_back_for_five_turns() {
+    for yaw in [-150.0, -100.0, -60.0, -25.0, 20.0, 45.0, 90.0, 160.0] {
+        for pitch in [-30.0, 0.0, 25.0] {
+            let mut memory = Memory::default();
+            let mut upside_down = 0;
+            for degree in 0..5 * 360 {
+                let m = attitude(yaw, pitch, f64::from(degree) + 0.25);
+                let down = m[(2, 2)];
+                let outside = down < 0.0 || down * down < HALF_SPACE_LEAST_DOWN_SQUARE;
+                assert_eq!(
+                    flagged(&m, &mut memory),
+                    outside,
+                    "yaw {yaw}, pitch {pitch}, roll {degree}"
+                );
+                upside_down += u32::from(down < 0.0);
+            }
+            assert_eq!(upside_down, 5 * 180);
+        }
+    }
+}
+
+#[test]
+fn the_flag_follows_a_somersault_about_the_y_axis() {
+    for yaw in [-120.0, -70.0, 40.0, 100.0] {
+        let mut memory = Memory::default();
+        for degree in 0..3 * 360 {
+            let m = attitude(yaw, f64::from(degree) + 0.25, 0.0);
+            let down = m[(2, 2)];
+            let outside = down < 0.0 || down * down < HALF_SPACE_LEAST_DOWN_SQUARE;
+            assert_eq!(
+                flagged(&m, &mut memory),
+                outside,
+                "yaw {yaw}, pitch {degree}"
+            );
+        }
+    }
+}
+
+/// Where both vertical components pass zero together their signs cannot be told: a roll about the
+/// north axis gives the same readings as a swing to 90 degrees and back. No rule can do better on
+/// four readings; near 90 degrees the flag is set all the same.
+#[test]
+fn a_roll_about_the_north_axis_reads_as_a_swing_and_is_flagged_only_near_90_degrees() {
+    let mut memory = Memory::default();
+    for degree in 0..180 {
+        let roll = f64::from(degree) + 0.25;
+        let turning = ideal_readings(&attitude(0.0, 0.0, roll), EARTH);
+        let swinging = ideal_readings(&attitude(0.0, 0.0, 180.0 - roll), EARTH);
+        for axis in 0..2 {
+            assert!((turning.tilt[axis] - swinging.tilt[axis]).abs() < 1e-15);
+            assert!((turning.field[axis] - swinging.field[axis]).abs() < 1e-15);
+        }
+        let near = libm::cos(roll.to_radians()).powi(2) < HALF_SPACE_LEAST_DOWN_SQUARE;
+        assert_eq!(
+            flagged(&attitude(0.0, 0.0, roll), &mut memory),
+            near,
+            "{roll}"
+        );
+    }
+}
