@@ -1,0 +1,92 @@
+//! Node types from a word-length file, for build scripts.
+//!
+//! In `build.rs`: `cardan_datapath::codegen::generate_to_out_dir("wordlengths.toml")`, and in the
+//! crate: `include!(concat!(env!("OUT_DIR"), "/nodes.rs"));`.
+
+use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
+use std::string::{String, ToString};
+use std::{env, format, fs, println};
+
+use crate::wordlengths::{self, DeclaredNode, WordlengthsError, container_bits};
+
+/// Reads the word-length file and writes `nodes.rs` into Cargo's `OUT_DIR`. The environment variable
+/// `CARDAN_WORDLENGTHS` names another file, so that a candidate can be built without editing the
+/// source tree.
+///
+/// # Errors
+/// A file that cannot be read or is refused.
+pub fn generate_to_out_dir(default_file: &str) -> Result<(), String> {
+    println!("cargo::rerun-if-env-changed=CARDAN_WORDLENGTHS");
+    let file = env::var_os("CARDAN_WORDLENGTHS")
+        .map_or_else(|| PathBuf::from(default_file), PathBuf::from);
+    println!("cargo::rerun-if-changed={}", file.display());
+    let name = file.display().to_string();
+    let text = fs::read_to_string(&file).map_err(|error| format!("{name}: {error}"))?;
+    let nodes =
+        wordlengths::parse(&text, &name).map_err(|error: WordlengthsError| error.to_string())?;
+    let out = env::var("OUT_DIR").map_err(|_| "OUT_DIR is not set: call this from build.rs")?;
+    fs::write(Path::new(&out).join("nodes.rs"), generate(&nodes)).map_err(|error| error.to_string())
+}
+
+/// Rust source of the nodes: a type per node and the table `NODES`.
+#[must_use]
+pub fn generate(nodes: &[DeclaredNode]) -> String {
+    let mut out = String::from("// Generated from the word-length file.\n");
+    for (index, node) in nodes.iter().enumerate() {
+        let f = node.format;
+        let container = container_bits(f.word);
+        let _ = write!(
+            out,
+            "\n/// Node `{name}` in `{unit}`: {word} bits, {frac} fractional.\n\
+             #[derive(Clone, Copy, Debug)]\n\
+             pub struct {ty};\n\
+             impl ::cardan_datapath::Node for {ty} {{\n    \
+                 const INDEX: usize = {index};\n    \
+                 const NAME: &'static str = {name:?};\n    \
+                 const UNIT: &'static str = {unit:?};\n    \
+                 const FORMAT: ::cardan_datapath::Format = ::cardan_datapath::Format::new({word}, {frac}, \
+                 ::cardan_datapath::Rounding::{rounding:?}, ::cardan_datapath::Overflow::{overflow:?});\n    \
+                 type Word = ::cardan_datapath::fixed::FixedI{container}<\
+                 ::cardan_datapath::fixed::types::extra::U{frac}>;\n}}\n",
+            name = node.name,
+            unit = node.unit,
+            ty = type_name(&node.name),
+            word = f.word,
+            frac = f.frac,
+            rounding = f.rounding,
+            overflow = f.overflow,
+        );
+    }
+    let _ = writeln!(
+        out,
+        "\n/// Number of nodes.\npub const NODE_COUNT: usize = {};",
+        nodes.len()
+    );
+    out.push_str(
+        "\n/// All nodes in order.\npub const NODES: [::cardan_datapath::NodeInfo; NODE_COUNT] = [\n",
+    );
+    for node in nodes {
+        let ty = type_name(&node.name);
+        let _ = writeln!(
+            out,
+            "    ::cardan_datapath::NodeInfo {{ name: {:?}, unit: {:?}, \
+             format: <{ty} as ::cardan_datapath::Node>::FORMAT }},",
+            node.name, node.unit
+        );
+    }
+    out.push_str("];\n");
+    out
+}
+
+/// `tilt_x` becomes `TiltX`.
+fn type_name(name: &str) -> String {
+    name.split('_')
+        .map(|part| {
+            let mut chars = part.chars();
+            chars.next().map_or_else(String::new, |first| {
+                first.to_uppercase().to_string() + chars.as_str()
+            })
+        })
+        .collect()
+}

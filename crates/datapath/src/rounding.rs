@@ -1,0 +1,153 @@
+//! Rounding and overflow on integers, in the three widths that are worth telling apart on an 8-bit
+//! machine: 32 bit, 64 bit, and 128 bit for models.
+//!
+//! Every function is a sequence of shifts, additions and comparisons that folds to the needed few
+//! when the format is a constant.
+
+use crate::{Format, Overflow, Rounding};
+
+macro_rules! width {
+    ($mod_name:ident, $int:ident, $uint:ident, $what:literal) => {
+        #[doc = $what]
+        pub mod $mod_name {
+            use super::*;
+
+            /// raw / 2^shift rounded by `mode`; exact for shift 0. Needs one bit of headroom.
+            #[inline(always)]
+            #[must_use]
+            pub const fn shift_right(raw: $int, shift: u32, mode: Rounding) -> $int {
+                if shift == 0 {
+                    return raw;
+                }
+                if shift >= $int::BITS {
+                    return beyond(raw, mode);
+                }
+                let floor = raw >> shift;
+                let half: $int = ((1 as $uint) << (shift - 1)) as $int;
+                match mode {
+                    Rounding::Floor => floor,
+                    Rounding::Ceil => -((-raw) >> shift),
+                    Rounding::Zero => {
+                        if raw < 0 {
+                            -((-raw) >> shift)
+                        } else {
+                            floor
+                        }
+                    }
+                    Rounding::NearestUp => ((raw >> (shift - 1)) + 1) >> 1,
+                    Rounding::NearestAway => {
+                        if raw < 0 {
+                            -((((-raw) >> (shift - 1)) + 1) >> 1)
+                        } else {
+                            ((raw >> (shift - 1)) + 1) >> 1
+                        }
+                    }
+                    Rounding::NearestEven => {
+                        let rest = raw - (floor << shift);
+                        // For the widest shift `half` is the most negative number; compare unsigned.
+                        let (rest, half) = (rest as $uint, half as $uint);
+                        if rest > half || (rest == half && floor & 1 == 1) {
+                            floor + 1
+                        } else {
+                            floor
+                        }
+                    }
+                }
+            }
+
+            /// A shift by the whole width or more: |raw / 2^shift| <= 1/2.
+            const fn beyond(raw: $int, mode: Rounding) -> $int {
+                match mode {
+                    Rounding::Floor => raw >> ($int::BITS - 1),
+                    Rounding::Ceil => (raw > 0) as $int,
+                    _ => 0,
+                }
+            }
+
+            /// numerator / denominator rounded by `mode`; the denominator is not 0.
+            #[inline(always)]
+            #[must_use]
+            pub const fn divide(numerator: $int, denominator: $int, mode: Rounding) -> $int {
+                let negative = (numerator < 0) != (denominator < 0);
+                let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
+                let (quotient, rest) = (n / d, n % d);
+                // Compare 2 rest with d without overflow: rest with what is left of d.
+                let left = d - rest;
+                let up = match mode {
+                    Rounding::Floor => negative && rest != 0,
+                    Rounding::Ceil => !negative && rest != 0,
+                    Rounding::Zero => false,
+                    Rounding::NearestUp => rest > left || (rest == left && !negative),
+                    Rounding::NearestAway => rest >= left,
+                    Rounding::NearestEven => rest > left || (rest == left && quotient & 1 == 1),
+                };
+                let magnitude = quotient + up as $uint;
+                if negative {
+                    (magnitude as $int).wrapping_neg()
+                } else {
+                    magnitude as $int
+                }
+            }
+
+            /// Square root of `radicand` rounded by `mode` (no ties exist). One step per result bit.
+            #[inline(always)]
+            #[must_use]
+            pub const fn square_root(radicand: $uint, mode: Rounding) -> $uint {
+                let mut rest = radicand;
+                let mut root: $uint = 0;
+                let mut bit: $uint = 1 << ($uint::BITS - 2);
+                while bit != 0 {
+                    if rest >= root + bit {
+                        rest -= root + bit;
+                        root = (root >> 1) + bit;
+                    } else {
+                        root >>= 1;
+                    }
+                    bit >>= 2;
+                }
+                let up = match mode {
+                    Rounding::Floor | Rounding::Zero => false,
+                    Rounding::Ceil => rest != 0,
+                    _ => rest > root,
+                };
+                root + up as $uint
+            }
+
+            /// `raw` limited to `format`'s word; the flag tells whether it did not fit.
+            #[inline(always)]
+            #[must_use]
+            pub const fn limit(raw: $int, format: Format) -> ($int, bool) {
+                if format.word >= $int::BITS {
+                    return (raw, false);
+                }
+                let (min, max) = (format.min_raw() as $int, format.max_raw() as $int);
+                if raw >= min && raw <= max {
+                    return (raw, false);
+                }
+                let limited = match format.overflow {
+                    Overflow::Wrap => {
+                        let unused = $int::BITS - format.word;
+                        (raw << unused) >> unused
+                    }
+                    Overflow::Saturate | Overflow::Trap => {
+                        if raw < min {
+                            min
+                        } else {
+                            max
+                        }
+                    }
+                };
+                (limited, true)
+            }
+        }
+    };
+}
+
+width!(narrow, i32, u32, "32-bit intermediates.");
+width!(wide, i64, u64, "64-bit intermediates.");
+width!(
+    exact,
+    i128,
+    u128,
+    "128-bit intermediates: exact for every operation on words up to 64 bits."
+);

@@ -1,0 +1,174 @@
+//! Word-length files: the nodes of an algorithm with their units and formats, as TOML.
+//!
+//! ```toml
+//! [[node]]
+//! name = "tilt_x"
+//! unit = "g"
+//! word = 16               # bits with the sign, 1..64
+//! frac = 14               # fractional bits, 0..=container (8, 16, 32 or 64 bits)
+//! rounding = "nearest_up" # floor, ceil, zero, nearest_up, nearest_away, nearest_even
+//! overflow = "saturate"   # wrap, saturate, trap
+//! ```
+
+use std::collections::BTreeSet;
+use std::format;
+use std::string::{String, ToString};
+use std::vec::Vec;
+
+use crate::{Format, Overflow, Rounding};
+
+/// A node as its file declares it.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct DeclaredNode {
+    /// Name, `snake_case`.
+    pub name: String,
+    /// Unit.
+    pub unit: String,
+    /// Format.
+    pub format: Format,
+}
+
+/// Why a word-length file was refused; says file, place, expectation and mend.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct WordlengthsError(String);
+
+impl core::fmt::Display for WordlengthsError {
+    fn fmt(&self, f: &mut core::fmt::Formatter<'_>) -> core::fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl std::error::Error for WordlengthsError {}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct File {
+    node: Vec<Entry>,
+}
+
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Entry {
+    name: String,
+    unit: String,
+    word: u32,
+    frac: u32,
+    rounding: String,
+    overflow: String,
+}
+
+/// Reads the text of word-length file `file`.
+///
+/// # Errors
+/// Broken TOML, unknown keys, repeated or badly formed names, formats out of range.
+pub fn parse(text: &str, file: &str) -> Result<Vec<DeclaredNode>, WordlengthsError> {
+    let parsed: File =
+        toml::from_str(text).map_err(|error| WordlengthsError(format!("{file}: {error}")))?;
+    let mut seen = BTreeSet::new();
+    let mut nodes = Vec::new();
+    for entry in parsed.node {
+        let fail =
+            |what: String| WordlengthsError(format!("{file}: node '{}': {what}", entry.name));
+        let well_formed = entry.name.starts_with(|c: char| c.is_ascii_lowercase())
+            && entry
+                .name
+                .chars()
+                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
+        if !well_formed {
+            return Err(fail(
+                "a name is lower case letters, digits and '_'".to_string(),
+            ));
+        }
+        if !seen.insert(entry.name.clone()) {
+            return Err(fail("declared twice; remove one".to_string()));
+        }
+        let rounding = mode(&Rounding::ALL, "rounding", &entry.rounding).map_err(&fail)?;
+        let overflow = mode(&Overflow::ALL, "overflow", &entry.overflow).map_err(&fail)?;
+        if !(1..=64).contains(&entry.word) {
+            return Err(fail(format!(
+                "word = {}: expected 1 to 64 bits",
+                entry.word
+            )));
+        }
+        let container = container_bits(entry.word);
+        if entry.frac > container {
+            return Err(fail(format!(
+                "frac = {}: a {}-bit word lives in {container} bits; expected 0 to {container}",
+                entry.frac, entry.word
+            )));
+        }
+        let format = Format::new(entry.word, entry.frac, rounding, overflow);
+        nodes.push(DeclaredNode {
+            name: entry.name,
+            unit: entry.unit,
+            format,
+        });
+    }
+    Ok(nodes)
+}
+
+fn mode<T: Copy>(all: &[(T, &'static str)], key: &str, name: &str) -> Result<T, String> {
+    all.iter()
+        .find(|(_, known)| *known == name)
+        .map(|(mode, _)| *mode)
+        .ok_or_else(|| {
+            let names: Vec<&str> = all.iter().map(|(_, known)| *known).collect();
+            format!("{key} = \"{name}\": expected one of {}", names.join(", "))
+        })
+}
+
+/// Bits of the smallest container that holds a word.
+#[must_use]
+pub const fn container_bits(word: u32) -> u32 {
+    match word {
+        0..=8 => 8,
+        9..=16 => 16,
+        17..=32 => 32,
+        _ => 64,
+    }
+}
+
+/// Brings the formats of `given` into the order of `deployed`.
+///
+/// # Errors
+/// A node that is missing or unknown, or a unit that differs.
+pub fn align(
+    given: &[DeclaredNode],
+    deployed: &[crate::NodeInfo],
+    file: &str,
+) -> Result<Vec<Format>, WordlengthsError> {
+    for node in given {
+        if !deployed.iter().any(|known| known.name == node.name) {
+            return Err(WordlengthsError(format!(
+                "{file}: node '{}' is not a node of this firmware; its nodes are: {}",
+                node.name,
+                deployed
+                    .iter()
+                    .map(|known| known.name)
+                    .collect::<Vec<_>>()
+                    .join(", ")
+            )));
+        }
+    }
+    deployed
+        .iter()
+        .map(|known| {
+            let node = given
+                .iter()
+                .find(|node| node.name == known.name)
+                .ok_or_else(|| {
+                    WordlengthsError(format!(
+                        "{file}: node '{}' is missing; add a [[node]] table for it",
+                        known.name
+                    ))
+                })?;
+            if node.unit != known.unit {
+                return Err(WordlengthsError(format!(
+                    "{file}: node '{}': unit \"{}\", but the firmware has \"{}\"",
+                    node.name, node.unit, known.unit
+                )));
+            }
+            Ok(node.format)
+        })
+        .collect()
+}

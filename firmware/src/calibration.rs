@@ -1,0 +1,104 @@
+//! Calibration words: from EEPROM bytes into the datapath's formats.
+
+use cardan_datapath::{Arithmetic, Value};
+use cardan_spec::calibration::{FRAC, LEN, MAGIC, VERSION, WORDS};
+
+use crate::frame::crc16;
+use crate::nodes::{FieldGain, InverseHorizontal, Offset, TiltGain, Vertical};
+
+/// The words of an EEPROM image, `None` if magic, version, length or checksum is wrong.
+#[must_use]
+pub fn decode(image: &[u8; LEN]) -> Option<[i32; WORDS]> {
+    let stored = u16::from_le_bytes([image[LEN - 2], image[LEN - 1]]);
+    let header = u16::from_le_bytes([image[0], image[1]]) == MAGIC
+        && image[2] == VERSION
+        && usize::from(image[3]) == WORDS;
+    if !header || crc16(&image[..LEN - 2]) != stored {
+        return None;
+    }
+    let mut words = [0; WORDS];
+    for (word, bytes) in words.iter_mut().zip(image[4..].chunks_exact(4)) {
+        *word = i32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+    }
+    Some(words)
+}
+
+/// The EEPROM image of the given words.
+#[must_use]
+pub fn encode(words: &[i32; WORDS]) -> [u8; LEN] {
+    let mut image = [0; LEN];
+    image[..2].copy_from_slice(&MAGIC.to_le_bytes());
+    image[2] = VERSION;
+    image[3] = WORDS as u8;
+    for (bytes, word) in image[4..].chunks_exact_mut(4).zip(words) {
+        bytes.copy_from_slice(&word.to_le_bytes());
+    }
+    let crc = crc16(&image[..LEN - 2]);
+    image[LEN - 2..].copy_from_slice(&crc.to_le_bytes());
+    image
+}
+
+const fn word(value: f64) -> i32 {
+    cardan_datapath::Format::new(
+        32,
+        FRAC,
+        cardan_datapath::Rounding::NearestAway,
+        cardan_datapath::Overflow::Saturate,
+    )
+    .constant(value) as i32
+}
+
+/// What an uncalibrated device computes with: nominal sensors at the reference site (sensors
+/// reference, section 5, 2026: Bh 23.834 uT, Bv 40.290 uT).
+pub const NOMINAL: [i32; WORDS] = {
+    const TOTAL_UT: f64 = 46.812;
+    const COS: f64 = 23.834 / TOTAL_UT;
+    const SIN: f64 = 40.290 / TOTAL_UT;
+    const GAIN: f64 = cardan_spec::FIELD_FULL_SCALE_UT / TOTAL_UT;
+    const TILT: f64 = -cardan_spec::TILT_FULL_SCALE_G;
+    const OFFSET: f64 = -0.5 / 512.0;
+    [
+        word(OFFSET),
+        word(OFFSET),
+        word(TILT),
+        0,
+        0,
+        word(TILT),
+        word(OFFSET),
+        word(OFFSET),
+        word(GAIN),
+        0,
+        0,
+        word(GAIN),
+        word(COS),
+        word(SIN),
+        word(1.0 / COS),
+    ]
+};
+
+/// The calibration in the formats of the datapath.
+pub struct Calibration<M: Arithmetic> {
+    pub(crate) tilt_offset: [Value<M, Offset>; 2],
+    pub(crate) tilt_gain: [[Value<M, TiltGain>; 2]; 2],
+    pub(crate) field_offset: [Value<M, Offset>; 2],
+    pub(crate) field_gain: [[Value<M, FieldGain>; 2]; 2],
+    pub(crate) vertical: Value<M, Vertical>,
+    pub(crate) inverse_horizontal: Value<M, InverseHorizontal>,
+}
+
+impl<M: Arithmetic> Calibration<M> {
+    /// Rounds the words into the datapath's formats.
+    pub fn new(m: &M, words: &[i32; WORDS]) -> Self {
+        let offset = |index: usize| m.parameter::<Offset, FRAC>(words[index]);
+        let tilt = |index: usize| m.parameter::<TiltGain, FRAC>(words[index]);
+        let field = |index: usize| m.parameter::<FieldGain, FRAC>(words[index]);
+        Self {
+            tilt_offset: [offset(0), offset(1)],
+            tilt_gain: [[tilt(2), tilt(3)], [tilt(4), tilt(5)]],
+            field_offset: [offset(6), offset(7)],
+            field_gain: [[field(8), field(9)], [field(10), field(11)]],
+            vertical: m.parameter::<Vertical, FRAC>(words[13]),
+            inverse_horizontal: m.parameter::<InverseHorizontal, FRAC>(words[14]),
+        }
+    }
+}

@@ -1,0 +1,159 @@
+//! Frames on the serial line, binary and text. Layout: [`cardan_spec::frame`].
+
+use cardan_spec::CHANNELS;
+use cardan_spec::frame::{DELIMITER, PAYLOAD_LEN, WIRE_LEN};
+use heapless::Vec;
+
+/// Longest text line with its end.
+pub const TEXT_LEN: usize = 48;
+
+/// What a frame says, as raw words.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Frame {
+    /// Number of the solution, modulo 2^16.
+    pub sequence: u16,
+    /// Sum of the bipolar codes per channel.
+    pub sums: [i16; CHANNELS],
+    /// Yaw, pitch, roll in half turns with 15 fractional bits.
+    pub angles: [i16; 3],
+    /// Status bits.
+    pub flags: u16,
+}
+
+/// CRC-16/CCITT: polynomial 0x1021, start 0xFFFF, most significant bit first. Bytewise without a
+/// table: the table's 512 bytes would take a quarter of the controller's RAM.
+#[must_use]
+pub fn crc16(bytes: &[u8]) -> u16 {
+    bytes.iter().fold(0xffff, |crc: u16, &byte| {
+        let x = (crc >> 8) as u8 ^ byte;
+        let x = x ^ (x >> 4);
+        let x = u16::from(x);
+        (crc << 8) ^ (x << 12) ^ (x << 5) ^ x
+    })
+}
+
+impl Frame {
+    /// The bytes before encoding, with the checksum.
+    #[must_use]
+    pub fn payload(&self) -> [u8; PAYLOAD_LEN] {
+        let mut payload = [0; PAYLOAD_LEN];
+        let words = [self.sequence]
+            .into_iter()
+            .chain(self.sums.iter().map(|&sum| sum as u16))
+            .chain(self.angles.iter().map(|&angle| angle as u16))
+            .chain([self.flags]);
+        for (bytes, word) in payload.chunks_exact_mut(2).zip(words) {
+            bytes.copy_from_slice(&word.to_le_bytes());
+        }
+        let crc = crc16(&payload[..PAYLOAD_LEN - 2]);
+        payload[PAYLOAD_LEN - 2..].copy_from_slice(&crc.to_le_bytes());
+        payload
+    }
+
+    /// The bytes on the wire: COBS and the delimiter.
+    #[must_use]
+    pub fn encode(&self) -> Vec<u8, WIRE_LEN> {
+        let mut wire = Vec::new();
+        let mut rest: &[u8] = &self.payload();
+        // A payload of 20 bytes never reaches COBS's 254-byte blocks.
+        loop {
+            let run = rest.iter().position(|&byte| byte == 0);
+            let block = run.unwrap_or(rest.len());
+            // The capacity is exact, so pushing cannot fail.
+            let _ = wire.push(block as u8 + 1);
+            let _ = wire.extend_from_slice(rest.get(..block).unwrap_or_default());
+            match run {
+                Some(_) => rest = rest.get(block + 1..).unwrap_or_default(),
+                None => break,
+            }
+        }
+        let _ = wire.push(DELIMITER);
+        wire
+    }
+
+    /// A text line: sequence, yaw, pitch, roll in hundredths of a degree, status bits in hex.
+    #[must_use]
+    pub fn text(&self) -> Vec<u8, TEXT_LEN> {
+        let mut line = Vec::new();
+        decimal(&mut line, i32::from(self.sequence));
+        for angle in self.angles {
+            let _ = line.push(b' ');
+            // 18000 / 32768 hundredths of a degree per place, rounded to nearest.
+            decimal(&mut line, (i32::from(angle) * 1125 + 1024) >> 11);
+        }
+        let _ = line.extend_from_slice(b" 0x");
+        for nibble in [12, 8, 4, 0] {
+            let digit = (self.flags >> nibble) as u8 & 15;
+            let _ = line.push(if digit < 10 {
+                b'0' + digit
+            } else {
+                b'a' + digit - 10
+            });
+        }
+        let _ = line.extend_from_slice(b"\r\n");
+        line
+    }
+}
+
+fn decimal(line: &mut Vec<u8, TEXT_LEN>, value: i32) {
+    if value < 0 {
+        let _ = line.push(b'-');
+    }
+    let mut rest = value.unsigned_abs() as u16;
+    let mut started = false;
+    for power in [10_000_u16, 1000, 100, 10, 1] {
+        let mut digit = b'0';
+        while rest >= power {
+            rest -= power;
+            digit += 1;
+        }
+        started |= digit != b'0' || power == 1;
+        if started {
+            let _ = line.push(digit);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn frame(sequence: u16, word: i16) -> Frame {
+        Frame {
+            sequence,
+            sums: [word; CHANNELS],
+            angles: [0, word, -word],
+            flags: 0x55,
+        }
+    }
+
+    #[test]
+    fn the_checksum_is_the_published_one() {
+        assert_eq!(crc16(b"123456789"), 0x29b1);
+    }
+
+    proptest::proptest! {
+        #[test]
+        fn a_frame_decodes_with_an_independent_cobs_and_crc(sequence: u16, word in -32767_i16..) {
+            let frame = frame(sequence, word);
+            let wire = frame.encode();
+            proptest::prop_assert_eq!(wire.len(), WIRE_LEN);
+            proptest::prop_assert_eq!(wire.iter().filter(|&&byte| byte == 0).count(), 1);
+            let payload = cobs::decode_vec(&wire[..WIRE_LEN - 1]).unwrap();
+            proptest::prop_assert_eq!(&payload[..], &frame.payload()[..]);
+            let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(&payload[..18]);
+            proptest::prop_assert_eq!(crc.to_le_bytes(), [payload[18], payload[19]]);
+        }
+    }
+
+    #[test]
+    fn a_text_line_gives_hundredths_of_degrees() {
+        let frame = Frame {
+            sequence: 7,
+            angles: [16384, -32768, 1],
+            flags: 0x41,
+            ..frame(7, 0)
+        };
+        assert_eq!(&frame.text()[..], b"7 9000 -18000 1 0x0041\r\n");
+    }
+}

@@ -1,0 +1,25 @@
+//! What the device needs from a board beyond `embedded-hal`.
+//!
+//! `embedded-hal` 1.0 covers digital pins ([`embedded_hal::digital::OutputPin`] for the solving
+//! pin); a converter that is triggered by a timer and a byte-wise serial transmitter it does not.
+
+use cardan_units::AdcCode;
+
+/// A converter whose conversions a timer triggers, seen from its interrupt.
+pub trait TriggeredAdc {
+    /// The finished conversion's result.
+    fn result(&mut self) -> AdcCode;
+    /// Chooses the input of the next conversion. Call before it is triggered.
+    fn select(&mut self, channel: u8);
+    /// Lets the next timer event trigger a conversion again. Returns false if one was missed: the
+    /// trigger had fired again before it was re-armed.
+    fn rearm(&mut self) -> bool;
+}
+
+/// Transmits bytes in the background.
+pub trait Serial {
+    /// Starts sending `bytes` if nothing is being sent. Returns false (and sends nothing) otherwise.
+    fn send(&mut self, bytes: &[u8]) -> bool;
+    /// A byte that has been received, if any.
+    fn receive(&mut self) -> Option<u8>;
+}
