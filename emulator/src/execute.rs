@@ -1,0 +1,328 @@
+//! Instructions that need the machine: I/O and unusual addresses, sleep, interrupt enable, SPM.
+//!
+//! The access to an I/O register happens in the last cycle of the instruction (of SBIC and SBIS
+//! in the first): a write takes effect at the clock edge that ends that cycle.
+
+use crate::alu;
+use crate::environment::Environment;
+use crate::isa::{Code, Op};
+use crate::machine::Machine;
+use crate::registers as io;
+use crate::stop::{Cause, Stop};
+
+impl Machine {
+    /// Executes the instruction at the program counter; `until` bounds the skipping of idle loops.
+    pub(crate) fn execute_here<E: Environment>(
+        &mut self,
+        env: &mut E,
+        until: u64,
+    ) -> Result<(), Stop> {
+        let op = self.core.op();
+        if let Some(stop) = self.stopping(op, env) {
+            return Err(stop);
+        }
+        let result = self.execute_op(op, env, until);
+        result
+            .and(self.fault.take().map_or(Ok(()), Err))
+            .map_err(|cause| self.crash(cause))
+    }
+
+    /// Instructions that end the run.
+    fn stopping<E: Environment>(&mut self, op: Op, env: &mut E) -> Option<Stop> {
+        let deaf = self.core.sreg & alu::I == 0;
+        match op.code {
+            Code::JumpSelf if deaf && !self.may_reset() => {
+                self.drain_transmitter(env);
+                Some(Stop::Halt)
+            }
+            Code::Break => {
+                self.advance(1, 1);
+                self.drain_transmitter(env);
+                Some(Stop::Break)
+            }
+            Code::Sleep if self.system.sleep_enabled() && deaf && !self.may_reset() => {
+                self.advance(1, 1);
+                self.drain_transmitter(env);
+                Some(Stop::Sleep)
+            }
+            _ => None,
+        }
+    }
+
+    fn execute_op<E: Environment>(&mut self, op: Op, env: &mut E, until: u64) -> Result<(), Cause> {
+        match op.code {
+            Code::In
+            | Code::Out
+            | Code::Lds
+            | Code::Sts
+            | Code::Ldd
+            | Code::LdInc
+            | Code::LdDec
+            | Code::Std
+            | Code::StInc
+            | Code::StDec => self.transfer(op, env),
+            Code::Sbi | Code::Cbi => {
+                let at = self.core.cycle + 1;
+                self.write_bit(op.k, op.r, op.code == Code::Sbi, at, env)?;
+                self.advance(1, 2);
+                Ok(())
+            }
+            Code::Sbic | Code::Sbis => {
+                let value = self.read_data(op.k, self.core.cycle, env)?;
+                let skip = (value & op.r != 0) == (op.code == Code::Sbis);
+                let words = if skip { op.n } else { 0 };
+                self.advance(1 + u16::from(words), 1 + u64::from(words));
+                Ok(())
+            }
+            Code::Sei => {
+                self.set_sreg_delayed(self.core.sreg | alu::I);
+                self.advance(1, 1);
+                Ok(())
+            }
+            Code::OutSreg => {
+                self.set_sreg_delayed(self.core.data[usize::from(op.d)]);
+                self.advance(1, 1);
+                Ok(())
+            }
+            Code::Sleep => self.sleep(env),
+            Code::Wdr => {
+                self.advance(1, 1);
+                Ok(())
+            }
+            Code::JumpSelf => {
+                self.idle_loop(u64::from(op.n), until);
+                Ok(())
+            }
+            Code::Spm => Err(Cause::NotModelled {
+                register: "SPMCSR",
+                what: "self-programming",
+            }),
+            Code::Push | Code::Pop | Code::Call | Code::Icall | Code::Ret | Code::Reti => {
+                self.stack_op(op)
+            }
+            Code::Ijmp => Err(self.pc_out_of_memory(self.core.pair(30))),
+            _ => Err(self.invalid_opcode(op)),
+        }
+    }
+
+    /// Ends an instruction: `words` on, `cycles` later, plus the halt that it caused.
+    fn advance(&mut self, words: u16, cycles: u64) {
+        self.core.pc = self.core.pc.wrapping_add(words) & self.core.pc_mask();
+        self.core.cycle += cycles + std::mem::take(&mut self.stall);
+        self.core.instructions += 1;
+    }
+
+    /// Writes SREG; if that sets I, one more instruction executes before an interrupt. The data
+    /// sheet says so of SEI and RETI; for writes to SREG it is an inference.
+    pub(crate) fn set_sreg_delayed(&mut self, value: u8) {
+        self.one_more |= value & !self.core.sreg & alu::I != 0;
+        self.core.sreg = value;
+    }
+
+    /// Loads and stores, by whatever addressing, that the core left to the machine.
+    fn transfer<E: Environment>(&mut self, op: Op, env: &mut E) -> Result<(), Cause> {
+        let pointer = || self.core.pair(op.r);
+        let (address, pointer_after) = match op.code {
+            Code::Ldd | Code::Std => (pointer().wrapping_add(u16::from(op.n)), None),
+            Code::LdInc | Code::StInc => (pointer(), Some(pointer().wrapping_add(1))),
+            Code::LdDec | Code::StDec => {
+                let below = pointer().wrapping_sub(1);
+                (below, Some(below))
+            }
+            _ => (op.k, None),
+        };
+        let cycles = if matches!(op.code, Code::In | Code::Out) {
+            1
+        } else {
+            2
+        };
+        let at = self.core.cycle + cycles - 1;
+        let is_store = matches!(
+            op.code,
+            Code::Out | Code::Sts | Code::Std | Code::StInc | Code::StDec
+        );
+        let mut loaded = None;
+        if is_store {
+            let value = self.core.data[usize::from(op.d)];
+            self.write_data(address, value, at, env)?;
+        } else {
+            loaded = Some(self.read_data(address, at, env)?);
+        }
+        if let Some(after) = pointer_after {
+            self.core.set_pair(op.r, after);
+        }
+        if let Some(value) = loaded {
+            self.core.data[usize::from(op.d)] = value;
+        }
+        let words = if matches!(op.code, Code::Lds | Code::Sts) {
+            2
+        } else {
+            1
+        };
+        self.advance(words, cycles);
+        Ok(())
+    }
+
+    /// Loads from any data address in cycle `at`.
+    fn read_data<E: Environment>(
+        &mut self,
+        address: u16,
+        at: u64,
+        env: &mut E,
+    ) -> Result<u8, Cause> {
+        if address > self.device.ram_end() {
+            return Err(Cause::BadAddress {
+                address,
+                is_store: false,
+            });
+        }
+        if !(0x20..self.device.sram_start).contains(&address) {
+            return Ok(self.core.data[usize::from(address)]);
+        }
+        self.fire_events(at, env);
+        Ok(self.read_io(address, at, env))
+    }
+
+    /// Stores to any data address in cycle `at`.
+    fn write_data<E: Environment>(
+        &mut self,
+        address: u16,
+        value: u8,
+        at: u64,
+        env: &mut E,
+    ) -> Result<(), Cause> {
+        if address > self.device.ram_end() {
+            return Err(Cause::BadAddress {
+                address,
+                is_store: true,
+            });
+        }
+        if !(0x20..self.device.sram_start).contains(&address) {
+            self.core.data[usize::from(address)] = value;
+            return Ok(());
+        }
+        self.fire_events(at, env);
+        self.write_io(address, value, at, env);
+        self.fault.take().map_or(Ok(()), Err)
+    }
+
+    /// SBI and CBI touch one bit only: in flag registers and PINx the others are not written.
+    fn write_bit<E: Environment>(
+        &mut self,
+        address: u16,
+        mask: u8,
+        set: bool,
+        at: u64,
+        env: &mut E,
+    ) -> Result<(), Cause> {
+        let is_strobe = matches!(
+            address,
+            0x23 | 0x26 | 0x29 | io::TIFR0 | io::TIFR1 | io::TIFR2 | io::PCIFR | io::EIFR
+        );
+        if is_strobe {
+            return if set {
+                self.write_data(address, mask, at, env)
+            } else {
+                Ok(())
+            };
+        }
+        let old = self.read_data(address, at, env)?;
+        let new = if set { old | mask } else { old & !mask };
+        self.write_data(address, new, at, env)
+    }
+
+    fn sleep<E: Environment>(&mut self, env: &mut E) -> Result<(), Cause> {
+        if !self.system.sleep_enabled() {
+            self.advance(1, 1);
+            return Ok(());
+        }
+        match self.system.sleep_mode() {
+            0 => {}
+            _ => {
+                return Err(Cause::NotModelled {
+                    register: "SMCR",
+                    what: "a sleep mode other than Idle",
+                });
+            }
+        }
+        self.advance(1, 1);
+        self.is_sleeping = true;
+        // The delay after SEI is over: SLEEP was the instruction in between.
+        self.one_more = false;
+        self.fire_events(self.core.cycle, env);
+        Ok(())
+    }
+
+    /// A jump to itself with interrupts enabled: repeats it up to the next event.
+    fn idle_loop(&mut self, cycles: u64, until: u64) {
+        let gap = self
+            .core
+            .next_event
+            .min(until)
+            .saturating_sub(self.core.cycle);
+        let rounds = gap.div_ceil(cycles).max(1);
+        self.core.cycle += rounds * cycles;
+        self.core.instructions += rounds;
+    }
+
+    /// Whether the chip may reset by itself although the program waits for nothing.
+    fn may_reset(&self) -> bool {
+        false
+    }
+
+    /// Lets the transmitter finish: its bytes appear at their own cycles, after the stop.
+    fn drain_transmitter<E: Environment>(&mut self, env: &mut E) {
+        while self.usart.is_sending() {
+            let Some(at) = self.usart.next_event() else {
+                return;
+            };
+            self.step_transmitter(at, env);
+        }
+    }
+
+    fn invalid_opcode(&self, op: Op) -> Cause {
+        let word = self.core.flash()[usize::from(self.core.pc)];
+        if op.r == 1 {
+            let high = u32::from(word >> 3 & 0x3E | word & 1);
+            return Cause::PcOutOfMemory {
+                target: (high << 16 | u32::from(op.k)) * 2,
+            };
+        }
+        Cause::InvalidOpcode { word }
+    }
+
+    fn pc_out_of_memory(&self, word_address: u16) -> Cause {
+        Cause::PcOutOfMemory {
+            target: u32::from(word_address) * 2,
+        }
+    }
+
+    /// RETI, and the stack instructions that the core refused.
+    fn stack_op(&mut self, op: Op) -> Result<(), Cause> {
+        let sp = self.core.sp;
+        let fits = match op.code {
+            Code::Ret | Code::Reti => self.core.may_pop(2),
+            Code::Pop => self.core.may_pop(1),
+            Code::Push => self.core.may_push(1),
+            _ => self.core.may_push(2),
+        };
+        if !fits {
+            return Err(Cause::StackOutOfMemory { sp });
+        }
+        if op.code == Code::Icall {
+            return Err(self.pc_out_of_memory(self.core.pair(30)));
+        }
+        let target = self.core.pop_pc();
+        if target > self.core.pc_mask() {
+            self.core.sp = sp;
+            return Err(self.pc_out_of_memory(target));
+        }
+        self.set_sreg_delayed(self.core.sreg | alu::I);
+        // RETI always lets one instruction of the interrupted program execute.
+        self.one_more = true;
+        self.core.pc = target;
+        self.core.cycle += 4;
+        self.core.instructions += 1;
+        Ok(())
+    }
+}

@@ -1,0 +1,88 @@
+//! Interrupt requests, priorities and latency statistics (data sheet sections 7.7 and 12).
+
+/// Vector numbers of the ATmega48/88/168/328 family.
+pub(crate) mod vector {
+    pub(crate) const TIMER2_COMPA: usize = 7;
+    pub(crate) const TIMER2_COMPB: usize = 8;
+    pub(crate) const TIMER2_OVF: usize = 9;
+    pub(crate) const TIMER1_CAPT: usize = 10;
+    pub(crate) const TIMER1_COMPA: usize = 11;
+    pub(crate) const TIMER1_COMPB: usize = 12;
+    pub(crate) const TIMER1_OVF: usize = 13;
+    pub(crate) const TIMER0_COMPA: usize = 14;
+    pub(crate) const TIMER0_COMPB: usize = 15;
+    pub(crate) const TIMER0_OVF: usize = 16;
+    pub(crate) const USART_RX: usize = 18;
+    pub(crate) const USART_UDRE: usize = 19;
+    pub(crate) const USART_TX: usize = 20;
+    pub(crate) const ADC: usize = 21;
+    pub(crate) const EE_READY: usize = 22;
+    pub(crate) const COUNT: usize = 26;
+}
+
+/// Statistics of one vector.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct VectorStatistics {
+    /// Times taken.
+    pub count: u64,
+    /// Worst latency: cycles from flag and enable being set to the first cycle of the entry.
+    pub latency_max: u64,
+}
+
+/// Requests of all vectors: bit n is vector n.
+#[derive(Clone, Debug)]
+pub(crate) struct Interrupts {
+    pending: u32,
+    since: [u64; vector::COUNT],
+    pub(crate) statistics: [VectorStatistics; vector::COUNT],
+}
+
+impl Interrupts {
+    pub(crate) fn new() -> Interrupts {
+        Interrupts {
+            pending: 0,
+            since: [0; vector::COUNT],
+            statistics: [VectorStatistics::default(); vector::COUNT],
+        }
+    }
+
+    /// Withdraws all requests (reset).
+    pub(crate) fn clear(&mut self) {
+        self.pending = 0;
+    }
+
+    /// Sets or withdraws the request of `vector` at cycle `at`.
+    pub(crate) fn request(&mut self, vector: usize, requested: bool, at: u64) {
+        let bit = 1 << vector;
+        if !requested {
+            self.pending &= !bit;
+        } else if self.pending & bit == 0 {
+            self.pending |= bit;
+            self.since[vector] = at;
+        }
+    }
+
+    pub(crate) fn any(&self) -> bool {
+        self.pending != 0
+    }
+
+    pub(crate) fn pending(&self) -> u32 {
+        self.pending
+    }
+
+    /// The vector of highest priority that is requested.
+    pub(crate) fn highest(&self) -> Option<usize> {
+        (self.pending != 0).then(|| self.pending.trailing_zeros() as usize)
+    }
+
+    /// Notes that the entry to `vector` begins at cycle `at`.
+    pub(crate) fn enter(&mut self, vector: usize, at: u64) {
+        let statistics = &mut self.statistics[vector];
+        statistics.count += 1;
+        statistics.latency_max = statistics
+            .latency_max
+            .max(at.saturating_sub(self.since[vector]));
+        // A level request that stays is a new one from here on.
+        self.since[vector] = at;
+    }
+}

@@ -1,0 +1,180 @@
+//! The schedule: when each peripheral needs attention next, and the run loop around the core.
+//!
+//! The core runs until the earliest event; all events due are carried out in the order of their
+//! cycles, and only then is an interrupt considered. Register accesses first carry out the events
+//! up to their own cycle, so nothing is ever seen out of order.
+
+use crate::alu;
+use crate::core::Exit;
+use crate::environment::Environment;
+use crate::machine::Machine;
+use crate::stop::{Cause, Stop};
+
+/// No event planned.
+pub(crate) const NEVER: u64 = u64::MAX;
+/// Cycles the processor is halted after waking from sleep, and cycles of an interrupt entry.
+const WAKE_HALT: u64 = 4;
+const ENTRY: u64 = 4;
+
+/// Who planned an event.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Source {
+    Timer0,
+    Timer1,
+    Timer2,
+    Adc,
+    UsartTransmit,
+    UsartReceive,
+    Eeprom,
+    Input,
+}
+
+impl Source {
+    const ALL: [Source; 8] = [
+        Source::Timer0,
+        Source::Timer1,
+        Source::Timer2,
+        Source::Adc,
+        Source::UsartTransmit,
+        Source::UsartReceive,
+        Source::Eeprom,
+        Source::Input,
+    ];
+
+    pub(crate) const TIMERS: [Source; 3] = [Source::Timer0, Source::Timer1, Source::Timer2];
+}
+
+/// Next event of each source.
+#[derive(Clone, Debug)]
+pub(crate) struct Schedule {
+    at: [u64; Source::ALL.len()],
+}
+
+impl Schedule {
+    pub(crate) fn new() -> Schedule {
+        Schedule {
+            at: [NEVER; Source::ALL.len()],
+        }
+    }
+
+    pub(crate) fn set(&mut self, source: Source, at: Option<u64>) {
+        self.at[source as usize] = at.unwrap_or(NEVER);
+    }
+
+    /// The earliest event; of several in one cycle the first in the order of [`Source`].
+    fn earliest(&self) -> (u64, Source) {
+        let mut best = (self.at[0], Source::ALL[0]);
+        for source in Source::ALL {
+            let at = self.at[source as usize];
+            if at < best.0 {
+                best = (at, source);
+            }
+        }
+        best
+    }
+}
+
+impl Machine {
+    /// Runs until `until_cycle` is reached (at the first instruction boundary at or after it) or
+    /// something stops the program. A later call goes on where this one ended.
+    pub fn run<E: Environment>(&mut self, env: &mut E, until_cycle: u64) -> Stop {
+        let until = until_cycle.min(NEVER - 1);
+        self.poll_input(self.core.cycle, env);
+        loop {
+            self.fire_events(self.core.cycle, env);
+            if env.stop_requested() {
+                return Stop::Requested;
+            }
+            if self.core.cycle >= until {
+                return Stop::Limit;
+            }
+            if self.is_sleeping {
+                self.sleep_on(until);
+                continue;
+            }
+            if self.may_interrupt() {
+                if let Err(cause) = self.enter_interrupt(env) {
+                    return self.crash(cause);
+                }
+                continue;
+            }
+            self.core.next_event = self.next_attention(until);
+            if self.core.run() == Exit::Machine
+                && let Err(stop) = self.execute_here(env, until)
+            {
+                return stop;
+            }
+        }
+    }
+
+    /// Executes one instruction (or one interrupt entry, or sleeps to the next event).
+    pub fn step<E: Environment>(&mut self, env: &mut E) -> Option<Stop> {
+        let until = self.core.cycle + 1;
+        match self.run(env, until) {
+            Stop::Limit => None,
+            stop => Some(stop),
+        }
+    }
+
+    /// Cycle at which the core has to return: one instruction later while an interrupt is held
+    /// back by SEI or RETI, else at the next event.
+    fn next_attention(&mut self, until: u64) -> u64 {
+        if std::mem::take(&mut self.one_more) && self.interrupts.any() {
+            return self.core.cycle + 1;
+        }
+        self.schedule.earliest().0.min(until)
+    }
+
+    fn may_interrupt(&self) -> bool {
+        self.interrupts.any() && self.core.sreg & alu::I != 0 && !self.one_more
+    }
+
+    /// Passes the time up to the next event, or wakes the processor.
+    fn sleep_on(&mut self, until: u64) {
+        let now = self.core.cycle;
+        if self.interrupts.any() && self.core.sreg & alu::I != 0 {
+            self.is_sleeping = false;
+            self.core.cycle += WAKE_HALT;
+            return;
+        }
+        let next = self.schedule.earliest().0.min(until).max(now);
+        self.statistics.sleeping_cycles += next - now;
+        self.core.cycle = next;
+    }
+
+    fn enter_interrupt<E: Environment>(&mut self, env: &mut E) -> Result<(), Cause> {
+        let Some(vector) = self.interrupts.highest() else {
+            return Ok(());
+        };
+        if !self.core.may_push(2) {
+            return Err(Cause::StackOutOfMemory { sp: self.core.sp });
+        }
+        self.interrupts.enter(vector, self.core.cycle);
+        self.core.push_pc(self.core.pc & self.core.pc_mask());
+        self.core.sreg &= !alu::I;
+        self.acknowledge(vector, self.core.cycle, env);
+        self.core.pc = vector as u16 * 2;
+        self.core.cycle += ENTRY;
+        Ok(())
+    }
+
+    /// Carries out all events up to and including cycle `to`, in order.
+    pub(crate) fn fire_events<E: Environment>(&mut self, to: u64, env: &mut E) {
+        loop {
+            let (at, source) = self.schedule.earliest();
+            if at > to {
+                return;
+            }
+            match source {
+                Source::Timer0 => self.sync_timer(0, at, env),
+                Source::Timer1 => self.sync_timer(1, at, env),
+                Source::Timer2 => self.sync_timer(2, at, env),
+                Source::Adc => self.step_adc(at, env),
+                Source::UsartTransmit => self.step_transmitter(at, env),
+                Source::UsartReceive => self.step_receiver(at, env),
+                Source::Eeprom => self.finish_eeprom(at),
+                Source::Input => self.poll_input(at, env),
+            }
+        }
+    }
+}

@@ -1,0 +1,141 @@
+//! Why a run ended.
+
+use std::fmt;
+
+/// Why [`crate::Machine::run`] returned.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Stop {
+    /// The cycle limit is reached.
+    Limit,
+    /// SLEEP with interrupts disabled and no watchdog that could wake the chip.
+    Sleep,
+    /// BREAK without a debugger. The program counter stands behind it.
+    Break,
+    /// A jump to itself with interrupts disabled. Cycle and program counter are those of the
+    /// first arrival; bytes in the transmitter have been delivered.
+    Halt,
+    /// The environment asked for it.
+    Requested,
+    /// The program did what the chip cannot do, or what is not modelled.
+    Crash(Crash),
+}
+
+/// A crash and its place.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Crash {
+    /// Byte address of the instruction.
+    pub pc: u32,
+    /// The instruction, disassembled.
+    pub instruction: String,
+    /// What happened.
+    pub cause: Cause,
+}
+
+/// What went wrong.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Cause {
+    /// The word is not an instruction of this chip.
+    InvalidOpcode {
+        /// The word.
+        word: u16,
+    },
+    /// A push or pop outside SRAM.
+    StackOutOfMemory {
+        /// Stack pointer before the access.
+        sp: u16,
+    },
+    /// A jump, call or return beyond the end of flash.
+    PcOutOfMemory {
+        /// Byte address of the target.
+        target: u32,
+    },
+    /// A load or store beyond the end of SRAM.
+    BadAddress {
+        /// Data address.
+        address: u16,
+        /// Whether it was a store.
+        is_store: bool,
+    },
+    /// The program uses a function of the chip that the emulator does not model.
+    NotModelled {
+        /// Name of the register.
+        register: &'static str,
+        /// The function.
+        what: &'static str,
+    },
+}
+
+impl fmt::Display for Cause {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Cause::InvalidOpcode { word: 0xFFFF } => {
+                write!(f, "erased flash (0xffff) executed as an instruction")
+            }
+            Cause::InvalidOpcode { word } => write!(f, "invalid opcode {word:#06x}"),
+            Cause::StackOutOfMemory { sp } => write!(f, "stack outside SRAM (SP = {sp:#06x})"),
+            Cause::PcOutOfMemory { target } => {
+                write!(f, "jump beyond the end of flash (target {target:#07x})")
+            }
+            Cause::BadAddress { address, is_store } => {
+                let verb = if *is_store { "store to" } else { "load from" };
+                write!(
+                    f,
+                    "{verb} data address {address:#06x}, beyond the end of SRAM"
+                )
+            }
+            Cause::NotModelled { register, what } => {
+                write!(f, "{what} ({register}) is not modelled by this emulator")
+            }
+        }
+    }
+}
+
+impl fmt::Display for Crash {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "at {:#06x} `{}`: {}",
+            self.pc, self.instruction, self.cause
+        )
+    }
+}
+
+/// An access to an address at which the chip has no register; reported once per place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Report {
+    /// Byte address of the instruction.
+    pub pc: u32,
+    /// Data address accessed.
+    pub address: u16,
+    /// What is odd about the access.
+    pub kind: ReportKind,
+}
+
+/// Kind of a [`Report`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub enum ReportKind {
+    /// Read where the chip has no register; it reads 0.
+    ReadReserved,
+    /// Write where the chip has no register; it has no effect.
+    WriteReserved,
+    /// A reserved setting of a register.
+    ReservedSetting,
+    /// Access to a module that PRR has switched off.
+    PoweredDown,
+}
+
+impl fmt::Display for Report {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let what = match self.kind {
+            ReportKind::ReadReserved => "read of an address without a register",
+            ReportKind::WriteReserved => "write to an address without a register",
+            ReportKind::ReservedSetting => "reserved setting of the register",
+            ReportKind::PoweredDown => "access to a module switched off in PRR",
+        };
+        write!(
+            f,
+            "at {:#06x}: {what} (data address {:#04x})",
+            self.pc, self.address
+        )
+    }
+}

@@ -1,0 +1,298 @@
+//! The wiring inside the chip: which flag requests which interrupt, which peripheral drives which
+//! pin, which flag triggers the converter.
+
+use crate::environment::{AnalogInput, Environment, Pin};
+use crate::interrupts::vector;
+use crate::machine::Machine;
+use crate::peripherals::adc::Step;
+use crate::peripherals::port::Override;
+use crate::peripherals::timer::{ICF, OCFA, OCFB, TOV};
+use crate::schedule::Source;
+
+/// Flag bit and vector of each interrupt of the three timers.
+const TIMER_VECTORS: [[(u8, usize); 4]; 3] = [
+    [
+        (OCFA, vector::TIMER0_COMPA),
+        (OCFB, vector::TIMER0_COMPB),
+        (TOV, vector::TIMER0_OVF),
+        (0, vector::TIMER0_OVF),
+    ],
+    [
+        (OCFA, vector::TIMER1_COMPA),
+        (OCFB, vector::TIMER1_COMPB),
+        (TOV, vector::TIMER1_OVF),
+        (ICF, vector::TIMER1_CAPT),
+    ],
+    [
+        (OCFA, vector::TIMER2_COMPA),
+        (OCFB, vector::TIMER2_COMPB),
+        (TOV, vector::TIMER2_OVF),
+        (0, vector::TIMER2_OVF),
+    ],
+];
+
+/// Pins of the compare outputs: timer, channel, port, bit mask.
+const COMPARE_PINS: [(usize, usize, usize, u8); 6] = [
+    (0, 0, 2, 0x40),
+    (0, 1, 2, 0x20),
+    (1, 0, 0, 0x02),
+    (1, 1, 0, 0x04),
+    (2, 0, 0, 0x08),
+    (2, 1, 2, 0x08),
+];
+
+/// Pins of the serial line, both on port D.
+const RXD: u8 = 0x01;
+const TXD: u8 = 0x02;
+
+impl Machine {
+    /// Brings timer `number` forward to cycle `at` and passes on what happened.
+    pub(crate) fn sync_timer<E: Environment>(&mut self, number: usize, at: u64, env: &mut E) {
+        let prescaler = if number == 2 {
+            &self.prescaler_t2
+        } else {
+            &self.prescaler_sync
+        };
+        self.timers[number].advance(at, prescaler);
+        self.after_timer(number, at, env);
+    }
+
+    /// Passes on a timer's flags, outputs and next event after a change at cycle `at`.
+    pub(crate) fn after_timer<E: Environment>(&mut self, number: usize, at: u64, env: &mut E) {
+        let requests = self.timers[number].requests();
+        for (bit, vector) in TIMER_VECTORS[number] {
+            if bit != 0 {
+                self.interrupts.request(vector, requests & bit != 0, at);
+            }
+        }
+        let prescaler = if number == 2 {
+            &self.prescaler_t2
+        } else {
+            &self.prescaler_sync
+        };
+        let next = self.timers[number].next_event(prescaler);
+        self.schedule.set(Source::TIMERS[number], next);
+        self.update_trigger(at, env);
+        for (timer, _, port, _) in COMPARE_PINS {
+            if timer == number {
+                self.update_port(port, at, env);
+            }
+        }
+    }
+
+    /// Brings the output stage of a port up to date and reports edges.
+    pub(crate) fn update_port<E: Environment>(&mut self, port: usize, at: u64, env: &mut E) {
+        let mut over = Override::default();
+        for (timer, channel, pin_port, mask) in COMPARE_PINS {
+            if pin_port == port {
+                over.drive(mask, self.timers[timer].output(channel));
+            }
+        }
+        if port == 2 && self.usart.transmits() {
+            over.drive(TXD, Some(true));
+            over.force_out |= TXD;
+        }
+        if port == 2 && self.usart.receives() {
+            over.force_in |= RXD;
+        }
+        let edges = self.ports[port].update(over, at);
+        let level = self.ports[port].level();
+        for bit in (0..8).filter(|bit| edges >> bit & 1 != 0) {
+            env.pin_edge(at, Pin::at(port, bit), level >> bit & 1 != 0);
+        }
+    }
+
+    /// Levels of the pins of a port during cycle `at`, before the synchroniser.
+    pub(crate) fn pin_levels<E: Environment>(&self, port: usize, at: u64, env: &mut E) -> u8 {
+        let (driven, level) = self.ports[port].outputs(at);
+        let pull_ups = self.ports[port].pull_ups(self.system.mcucr & 0x10 != 0);
+        let mut levels = level;
+        for bit in (0..8).filter(|bit| driven >> bit & 1 == 0) {
+            let pulled = pull_ups >> bit & 1 != 0;
+            let high = env.pin_level(at, Pin::at(port, bit)).unwrap_or(pulled);
+            levels |= u8::from(high) << bit;
+        }
+        levels
+    }
+
+    /// Value of PINx read in cycle `at`: synchronised, and 0 where DIDR disables the buffer.
+    pub(crate) fn read_pins<E: Environment>(&self, port: usize, at: u64, env: &mut E) -> u8 {
+        let levels = self.pin_levels(port, at.saturating_sub(1), env);
+        match port {
+            1 => levels & !(self.system.didr[0] & 0x3F),
+            2 => levels & !((self.system.didr[1] & 3) << 6),
+            _ => levels,
+        }
+    }
+
+    /// Which timer flags the converter watches.
+    pub(crate) fn watch_trigger(&mut self) {
+        let source = self.adc.trigger_source();
+        self.timers[0].watched = match source {
+            Some(3) => OCFA,
+            Some(4) => TOV,
+            _ => 0,
+        };
+        self.timers[1].watched = match source {
+            Some(5) => OCFB,
+            Some(6) => TOV,
+            Some(7) => ICF,
+            _ => 0,
+        };
+    }
+
+    /// Starts a conversion if the selected trigger flag has risen.
+    pub(crate) fn update_trigger<E: Environment>(&mut self, at: u64, env: &mut E) {
+        let level = match self.adc.trigger_source() {
+            Some(3) => self.timers[0].flags() & OCFA != 0,
+            Some(4) => self.timers[0].flags() & TOV != 0,
+            Some(5) => self.timers[1].flags() & OCFB != 0,
+            Some(6) => self.timers[1].flags() & TOV != 0,
+            Some(7) => self.timers[1].flags() & ICF != 0,
+            _ => false,
+        };
+        let rising = level && !self.trigger_level;
+        self.trigger_level = level;
+        if !rising || !self.adc.is_enabled() {
+            return;
+        }
+        if self.adc.trigger(at) {
+            self.after_adc(at);
+        } else {
+            self.statistics.triggers_ignored += 1;
+            env.trigger_ignored(at);
+        }
+    }
+
+    pub(crate) fn after_adc(&mut self, at: u64) {
+        self.interrupts
+            .request(vector::ADC, self.adc.requests(), at);
+        self.schedule.set(Source::Adc, self.adc.next_event());
+    }
+
+    pub(crate) fn step_adc<E: Environment>(&mut self, at: u64, env: &mut E) {
+        match self.adc.step() {
+            Step::Nothing => {}
+            Step::Sample { input, reference } => {
+                let (input, volts) = self.analog_input(input, at, env);
+                let reference_volts = match reference {
+                    0 => self.supply.aref_volts,
+                    1 => self.supply.avcc_volts,
+                    _ => self.supply.bandgap_volts,
+                };
+                self.adc.hold(input, volts, reference_volts);
+            }
+            Step::Complete(conversion) => {
+                self.statistics.conversions += 1;
+                let lost = conversion.discarded || conversion.overwrote_unread;
+                self.statistics.conversions_lost += u64::from(lost);
+                env.conversion(conversion);
+            }
+        }
+        self.after_adc(at);
+    }
+
+    fn analog_input<E: Environment>(&self, mux: u8, at: u64, env: &mut E) -> (AnalogInput, f64) {
+        let input = match mux {
+            0..=7 => AnalogInput::Pin(mux),
+            8 => AnalogInput::Temperature,
+            14 => AnalogInput::Bandgap,
+            _ => AnalogInput::Ground,
+        };
+        let volts = match input {
+            AnalogInput::Bandgap => self.supply.bandgap_volts,
+            AnalogInput::Ground => 0.0,
+            outside => env.analog(at, outside),
+        };
+        (input, volts)
+    }
+
+    pub(crate) fn after_usart(&mut self, at: u64) {
+        let requests = self.usart.requests();
+        self.interrupts
+            .request(vector::USART_RX, requests.receive, at);
+        self.interrupts
+            .request(vector::USART_UDRE, requests.empty, at);
+        self.interrupts
+            .request(vector::USART_TX, requests.transmit, at);
+        self.schedule
+            .set(Source::UsartTransmit, self.usart.next_event());
+        let receive = self
+            .usart
+            .receive_event()
+            .or(self.system.serial.map(|b| b.start_cycle.max(at)));
+        self.schedule.set(Source::UsartReceive, receive);
+    }
+
+    pub(crate) fn step_transmitter<E: Environment>(&mut self, at: u64, env: &mut E) {
+        if let Some(frame) = self.usart.step(at) {
+            self.statistics.uart_bytes += 1;
+            env.uart_tx(at, frame as u8);
+        }
+        self.after_usart(at);
+        if !self.usart.transmits() {
+            self.update_port(2, at, env);
+        }
+    }
+
+    /// A frame is complete, or the next one begins.
+    pub(crate) fn step_receiver<E: Environment>(&mut self, at: u64, env: &mut E) {
+        if self.usart.receive_event().is_some() {
+            self.usart.end_receive();
+        } else if let Some(serial) = self.system.serial.take() {
+            // A byte for a receiver that is switched off is lost, as on the wire.
+            self.usart.begin_receive(serial.byte, serial.ninth, at);
+        }
+        self.poll_serial(at, env);
+        self.after_usart(at);
+    }
+
+    fn poll_serial<E: Environment>(&mut self, at: u64, env: &mut E) {
+        if self.system.serial.is_none() && self.usart.receive_event().is_none() {
+            self.system.serial = env.uart_rx(at);
+        }
+    }
+
+    /// Takes notice of what the environment has changed by cycle `at`.
+    pub(crate) fn poll_input<E: Environment>(&mut self, at: u64, env: &mut E) {
+        self.poll_serial(at, env);
+        self.after_usart(at);
+        let next = env.next_input(at).map(|next| next.max(at + 1));
+        self.schedule.set(Source::Input, next);
+    }
+
+    pub(crate) fn after_eeprom(&mut self, at: u64) {
+        self.interrupts
+            .request(vector::EE_READY, self.eeprom.requests(), at);
+        self.schedule.set(Source::Eeprom, self.eeprom.next_event());
+    }
+
+    pub(crate) fn finish_eeprom(&mut self, at: u64) {
+        self.eeprom.finish();
+        self.after_eeprom(at);
+    }
+
+    /// Clears the flag of a vector that is being entered, where entry clears it.
+    pub(crate) fn acknowledge<E: Environment>(&mut self, vector: usize, at: u64, env: &mut E) {
+        for number in 0..3 {
+            for (bit, timer_vector) in TIMER_VECTORS[number] {
+                if bit != 0 && timer_vector == vector {
+                    self.sync_timer(number, at, env);
+                    self.timers[number].clear_flags(bit);
+                    self.after_timer(number, at, env);
+                }
+            }
+        }
+        match vector {
+            vector::USART_TX => {
+                self.usart.clear_transmitted();
+                self.after_usart(at);
+            }
+            vector::ADC => {
+                self.adc.clear_flag();
+                self.after_adc(at);
+            }
+            _ => {}
+        }
+    }
+}
