@@ -24,7 +24,8 @@ impl<M: Arithmetic> Clone for Sums<M> {
 impl<M: Arithmetic> Copy for Sums<M> {}
 
 impl<M: Arithmetic> Sums<M> {
-    fn zero(m: &M) -> Self {
+    /// No conversions yet.
+    pub fn zero(m: &M) -> Self {
         Self {
             sums: [m.constant::<Accumulator, Zero>(); CHANNELS],
             clipped: false,

@@ -9,31 +9,13 @@ use core::cell::Cell;
 use fixed::traits::Fixed;
 
 use crate::container::Container;
+use crate::kernel::{divide32, multiply16, square_root32};
 use crate::rounding::{narrow, wide};
-use crate::{Arithmetic, Constant, Format, Node, Overflow, Table, Value};
+use crate::{Arithmetic, Constant, Format, Node, Overflow, Table, Tap, Value};
 
 /// Status bit of the arithmetic itself: a zero divisor, a negative radicand or a trapped overflow.
-/// Its place among an algorithm's own status bits is the arithmetic's parameter.
-const DEFAULT_DOMAIN_FLAG: u16 = 1 << 4;
-
-/// Sees every write of a node. The silent one vanishes at compile time.
-pub trait Tap {
-    /// Node `index` takes the raw word `raw`.
-    fn write(&self, index: usize, raw: i64);
-    /// The value did not fit node `index`'s word.
-    fn overflow(&self, index: usize);
-}
-
-/// No observation: plain firmware.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Silent;
-
-impl Tap for Silent {
-    #[inline(always)]
-    fn write(&self, _index: usize, _raw: i64) {}
-    #[inline(always)]
-    fn overflow(&self, _index: usize) {}
-}
+/// An algorithm whose own status bits lie otherwise chooses another.
+pub const DEFAULT_DOMAIN_FLAG: u16 = 1 << 4;
 
 /// Computes with the nodes' `fixed` types.
 #[derive(Debug)]
@@ -46,9 +28,14 @@ pub struct Deployed<T: Tap> {
 impl<T: Tap> Deployed<T> {
     /// Writes are shown to `tap`.
     pub const fn new(tap: T) -> Self {
+        Self::with_domain_flag(tap, DEFAULT_DOMAIN_FLAG)
+    }
+
+    /// As [`Deployed::new`]; the arithmetic's own status bit is `domain_flag`.
+    pub const fn with_domain_flag(tap: T, domain_flag: u16) -> Self {
         Self {
             tap,
-            domain_flag: DEFAULT_DOMAIN_FLAG,
+            domain_flag,
             status: Cell::new(0),
         }
     }
@@ -66,7 +53,7 @@ impl<T: Tap> Deployed<T> {
     /// Rounds and limits a 32-bit value with `frac` fractional bits into node `N`.
     #[inline(always)]
     fn fit32<N: Node>(&self, raw: i32, frac: u32) -> Value<Self, N> {
-        let format = N::FORMAT;
+        let format = const { format_of::<N>() };
         let rounded = if frac >= format.frac {
             narrow::shift_right(raw, frac - format.frac, format.rounding)
         } else {
@@ -80,7 +67,7 @@ impl<T: Tap> Deployed<T> {
     /// Rounds and limits a 64-bit value with `frac` fractional bits into node `N`.
     #[inline(always)]
     fn fit64<N: Node>(&self, raw: i64, frac: u32) -> Value<Self, N> {
-        let format = N::FORMAT;
+        let format = const { format_of::<N>() };
         let rounded = if frac >= format.frac {
             wide::shift_right(raw, frac - format.frac, format.rounding)
         } else {
@@ -172,10 +159,45 @@ impl<T: Tap> Deployed<T> {
             self.write64(raw64(a), A::FORMAT.frac)
         }
     }
+
+    /// -a if `condition`, else a.
+    #[inline(always)]
+    fn negate_if<N: Node, A: Node>(&self, condition: bool, a: Value<Self, A>) -> Value<Self, N> {
+        // One bit for the negation of the most negative word, one of headroom for rounding.
+        let bits = const {
+            let bits = Self::aligned(A::FORMAT.word + 2, A::FORMAT.frac, N::FORMAT.frac);
+            assert!(
+                bits <= 64,
+                "a negation or magnitude needs more than 64 bits: choose narrower formats"
+            );
+            bits
+        };
+        if bits <= 32 {
+            let raw = raw32(a);
+            self.write32(if condition { -raw } else { raw }, A::FORMAT.frac)
+        } else {
+            let raw = raw64(a);
+            self.write64(if condition { -raw } else { raw }, A::FORMAT.frac)
+        }
+    }
+}
+
+/// The format of `N`, which its `fixed` type must be able to hold.
+const fn format_of<N: Node>() -> Format {
+    assert!(
+        <N::Word as Fixed>::FRAC_NBITS == N::FORMAT.frac
+            && N::FORMAT.word as usize <= 8 * size_of::<N::Word>(),
+        "a node's `Word` must have the fractional bits of its FORMAT and hold its word"
+    );
+    N::FORMAT
 }
 
 const fn max(a: u32, b: u32) -> u32 {
     if a > b { a } else { b }
+}
+
+const fn min(a: u32, b: u32) -> u32 {
+    if a < b { a } else { b }
 }
 
 #[inline(always)]
@@ -186,12 +208,6 @@ fn raw64<T: Tap, N: Node>(value: Value<Deployed<T>, N>) -> i64 {
 #[inline(always)]
 fn raw32<T: Tap, N: Node>(value: Value<Deployed<T>, N>) -> i32 {
     value.0.to_bits().to_i32()
-}
-
-/// Exact product of two 16-bit words.
-#[inline(always)]
-fn multiply16(a: i16, b: i16) -> i32 {
-    i32::from(a) * i32::from(b)
 }
 
 impl<T: Tap> Arithmetic for Deployed<T> {
@@ -205,7 +221,8 @@ impl<T: Tap> Arithmetic for Deployed<T> {
 
     #[inline(always)]
     fn parameter<N: Node, const F: u32>(&self, raw: i32) -> Value<Self, N> {
-        if const { Self::aligned(33, F, N::FORMAT.frac) <= 32 } {
+        // Without rounding 32 bits suffice; rounding any i32 needs headroom.
+        if const { F == N::FORMAT.frac } {
             self.fit32(raw, F)
         } else {
             const {
@@ -237,7 +254,7 @@ impl<T: Tap> Arithmetic for Deployed<T> {
 
     #[inline(always)]
     fn lookup<N: Node, I: Node, C: Table>(&self, index: Value<Self, I>) -> Value<Self, N> {
-        let whole = raw64(index) >> I::FORMAT.frac;
+        let whole = raw64(index) >> const { min(I::FORMAT.frac, 63) };
         let last = (C::VALUES.len() - 1) as i64;
         let limited = if whole < 0 {
             0
@@ -331,7 +348,7 @@ impl<T: Tap> Arithmetic for Deployed<T> {
             (0, up.unsigned_abs())
         };
         if bits < 32 {
-            let quotient = narrow::divide(raw32(a) << left, raw32(b) << right, format.rounding);
+            let quotient = divide32(raw32(a) << left, raw32(b) << right, format.rounding);
             self.write32(quotient, format.frac)
         } else {
             let quotient = wide::divide(raw64(a) << left, divisor << right, format.rounding);
@@ -341,9 +358,10 @@ impl<T: Tap> Arithmetic for Deployed<T> {
 
     #[inline(always)]
     fn sqrt<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {
-        // raw(N) = sqrt(raw(a) 2^up); an odd or negative scale is met with doubled resolution.
+        // raw(N) = sqrt(raw(a) 2^up).
         let up = const {
             let up = 2 * N::FORMAT.frac as i32 - A::FORMAT.frac as i32;
+            // Fewer would also bring ties, which `square_root` does not know.
             assert!(
                 up >= 0,
                 "a square root keeps at least half its argument's fractional bits"
@@ -363,7 +381,7 @@ impl<T: Tap> Arithmetic for Deployed<T> {
         if A::FORMAT.word + up <= 32 {
             let radicand = if negative { 0 } else { (raw32(a) as u32) << up };
             self.write32(
-                narrow::square_root(radicand, format.rounding) as i32,
+                square_root32(radicand, format.rounding) as i32,
                 format.frac,
             )
         } else {
@@ -409,24 +427,12 @@ impl<T: Tap> Arithmetic for Deployed<T> {
 
     #[inline(always)]
     fn neg<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {
-        if const { Self::aligned(A::FORMAT.word + 2, A::FORMAT.frac, N::FORMAT.frac) <= 32 } {
-            self.write32(-raw32(a), A::FORMAT.frac)
-        } else {
-            const { assert!(A::FORMAT.word <= 62, "a negation needs more than 64 bits") };
-            self.write64(-raw64(a), A::FORMAT.frac)
-        }
+        self.negate_if(true, a)
     }
 
     #[inline(always)]
     fn abs<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {
-        if const { Self::aligned(A::FORMAT.word + 2, A::FORMAT.frac, N::FORMAT.frac) <= 32 } {
-            let raw = raw32(a);
-            self.write32(if raw < 0 { -raw } else { raw }, A::FORMAT.frac)
-        } else {
-            const { assert!(A::FORMAT.word <= 62, "a magnitude needs more than 64 bits") };
-            let raw = raw64(a);
-            self.write64(if raw < 0 { -raw } else { raw }, A::FORMAT.frac)
-        }
+        self.negate_if(self.negative(a), a)
     }
 
     #[inline(always)]

@@ -124,10 +124,15 @@ impl Format {
     #[must_use]
     pub const fn constant(self, value: f64) -> i64 {
         let scaled = value / self.lsb();
-        let nearest = if scaled < 0.0 {
-            (scaled - 0.5) as i64
+        // Truncation and the rest are exact; adding one half to `scaled` would not be.
+        let whole = scaled as i64;
+        let rest = scaled - whole as f64;
+        let nearest = if rest >= 0.5 {
+            whole.saturating_add(1)
+        } else if rest <= -0.5 {
+            whole.saturating_sub(1)
         } else {
-            (scaled + 0.5) as i64
+            whole
         };
         if nearest > self.max_raw() {
             self.max_raw()

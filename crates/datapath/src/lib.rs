@@ -47,12 +47,15 @@ pub mod codegen;
 mod container;
 mod deployed;
 mod format;
+mod kernel;
 pub mod rounding;
+mod tap;
 #[cfg(feature = "codegen")]
 pub mod wordlengths;
 
 pub use arithmetic::{Arithmetic, Constant, Node, Table, Value};
 pub use container::Container;
-pub use deployed::{Deployed, Silent, Tap};
+pub use deployed::{DEFAULT_DOMAIN_FLAG, Deployed};
 pub use fixed;
 pub use format::{Format, NodeInfo, Overflow, Rounding, table_hash};
+pub use tap::{Silent, Tap};

@@ -64,6 +64,27 @@ macro_rules! width {
                 }
             }
 
+            /// Whether `mode` takes the magnitude of a quotient one up: `rest` is what the division
+            /// leaves, `left` what of the divisor is left over it. (2 rest could overflow.)
+            #[inline(always)]
+            #[must_use]
+            pub const fn quotient_up(
+                rest: $uint,
+                left: $uint,
+                odd: bool,
+                negative: bool,
+                mode: Rounding,
+            ) -> bool {
+                match mode {
+                    Rounding::Floor => negative && rest != 0,
+                    Rounding::Ceil => !negative && rest != 0,
+                    Rounding::Zero => false,
+                    Rounding::NearestUp => rest > left || (rest == left && !negative),
+                    Rounding::NearestAway => rest >= left,
+                    Rounding::NearestEven => rest > left || (rest == left && odd),
+                }
+            }
+
             /// numerator / denominator rounded by `mode`; the denominator is not 0.
             #[inline(always)]
             #[must_use]
@@ -71,16 +92,7 @@ macro_rules! width {
                 let negative = (numerator < 0) != (denominator < 0);
                 let (n, d) = (numerator.unsigned_abs(), denominator.unsigned_abs());
                 let (quotient, rest) = (n / d, n % d);
-                // Compare 2 rest with d without overflow: rest with what is left of d.
-                let left = d - rest;
-                let up = match mode {
-                    Rounding::Floor => negative && rest != 0,
-                    Rounding::Ceil => !negative && rest != 0,
-                    Rounding::Zero => false,
-                    Rounding::NearestUp => rest > left || (rest == left && !negative),
-                    Rounding::NearestAway => rest >= left,
-                    Rounding::NearestEven => rest > left || (rest == left && quotient & 1 == 1),
-                };
+                let up = quotient_up(rest, d - rest, quotient & 1 == 1, negative, mode);
                 let magnitude = quotient + up as $uint;
                 if negative {
                     (magnitude as $int).wrapping_neg()

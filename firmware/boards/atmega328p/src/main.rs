@@ -1,0 +1,81 @@
+//! The attitude sensor on the ATmega328P: interrupts, timers and pins around the shared firmware.
+//!
+//! Timer1 counts 0..=499 at the CPU clock (CTC, TOP = ICR1) and toggles OC1A (the 16 kHz carrier)
+//! and OC1B (the strobe, a quarter period later). The same compare match B triggers the converter,
+//! which samples and holds 259 cycles later; its interrupt re-arms the trigger, so that conversions
+//! follow each other every 2000 cycles. The main loop sleeps until a solution's sums are complete.
+#![no_std]
+#![no_main]
+#![feature(abi_avr_interrupt)]
+
+mod adc;
+mod eeprom;
+mod shared;
+mod solving;
+mod taps;
+mod usart;
+
+use avr_device::atmega328p::Peripherals;
+use cardan_firmware::device::{Device, Solver, sample};
+use cardan_spec::timing;
+
+use crate::adc::TimerTriggeredAdc;
+use crate::shared::Shared;
+use crate::taps::{ARITHMETIC, BoardTap};
+
+#[panic_handler]
+fn panic(_info: &core::panic::PanicInfo) -> ! {
+    avr_device::interrupt::disable();
+    loop {
+        core::hint::spin_loop();
+    }
+}
+
+#[avr_device::entry]
+fn main() -> ! {
+    // Taken once, before any interrupt is enabled: the handlers steal what they own.
+    let Some(peripherals) = Peripherals::take() else { loop {} };
+    let image = eeprom::calibration(&peripherals.EEPROM);
+    Shared::initialise();
+    usart::initialise(&peripherals.USART0);
+    let solving = solving::SolvingPin::new(peripherals.PORTB);
+    adc::initialise(&peripherals.ADC);
+    start_carrier(&peripherals.TC1);
+    // Idle: the clocks of timers, converter and USART run on.
+    peripherals.CPU.smcr().write(|w| w.sm().idle().se().set_bit());
+
+    let solver = Solver::new(BoardTap, &image);
+    let mut device = Device::new(solver, usart::Line, solving);
+    // SAFETY: all state shared with interrupts is initialised above.
+    unsafe { avr_device::interrupt::enable() };
+    loop {
+        let (sums, late) = Shared::wait();
+        device.solution(&sums, late);
+    }
+}
+
+/// Timer1: mode 12 (CTC, TOP = ICR1), both outputs toggle on compare match, no prescaler.
+fn start_carrier(timer: &avr_device::atmega328p::TC1) {
+    timer.icr1().write(|w| w.set(timing::HALF_CARRIER_CYCLES as u16 - 1));
+    timer.ocr1a().write(|w| w.set(timing::CARRIER_COUNT));
+    timer.ocr1b().write(|w| w.set(timing::STROBE_COUNT));
+    timer.tccr1a().write(|w| w.com1a().match_toggle().com1b().match_toggle());
+    timer.tccr1b().write(|w| w.wgm1().set(0b11).cs1().direct());
+}
+
+// Conversion complete.
+#[avr_device::interrupt(atmega328p)]
+fn ADC() {
+    // SAFETY: this handler is the only user of the averager after initialisation, and the main loop
+    // reads the finished sums with interrupts disabled.
+    let shared = unsafe { Shared::from_interrupt() };
+    let mut adc = TimerTriggeredAdc::from_interrupt();
+    let (sums, late) = sample(&ARITHMETIC, shared.averager(), &mut adc);
+    shared.publish(sums, late);
+}
+
+// Transmit buffer empty.
+#[avr_device::interrupt(atmega328p)]
+fn USART_UDRE() {
+    usart::next_byte();
+}
