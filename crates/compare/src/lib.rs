@@ -1,1 +1,61 @@
 //! Alignment, metrics, tolerances, error budget, verdict and report.
+//!
+//! A pure library: plain data in ([`Comparison`]), a [`Report`] out, from which come the document of
+//! `compare --json` (by serde), a table for people ([`table::render`]) and a self-contained page
+//! ([`html::write`], the only function here that touches a file). It knows neither the transport nor
+//! the firmware's inside.
+//!
+//! # Filling a [`Comparison`]
+//!
+//! * Values of a node are aligned by order: the k-th write of each participant belongs together, in
+//!   solution k / per_solution. A missing value is a mismatch, never cut off in silence.
+//! * Give every stream as far as it goes. What lies beyond the last complete solution (beyond
+//!   `flags`) is compared bit by bit but has no status flags and so is not judged against golden;
+//!   the report counts it as `unfinished`.
+//! * `flags` are the native participant's, one word per solution. They decide what is judged.
+//! * Attitude series have one entry per solution, `None` where it is unknown; an empty series is one
+//!   that does not exist in this run (no reference, an image without taps).
+//!
+//! ```
+//! use cardan_compare::{Comparison, Node, Tolerance, compare};
+//!
+//! let node = Node {
+//!     name: "tilt_x".into(),
+//!     unit: "g".into(),
+//!     per_solution: 1,
+//!     lsb: 0.25,
+//!     native: vec![1, 2, 3],
+//!     emulated: Some(vec![1, 2, 3]),
+//!     golden: Some(vec![0.26, 0.5, 0.74]),
+//!     tolerance: Some(Tolerance { max_abs: 0.02, reason: "half a step".into() }),
+//!     ..Node::default()
+//! };
+//! let comparison = Comparison { nodes: vec![node], flags: vec![0; 3], ..Comparison::default() };
+//! let report = compare(&comparison);
+//! assert!(report.nodes[0].pass);
+//! // No frames were compared, and that is not passed over:
+//! assert_eq!(report.reasons.len(), 1);
+//! ```
+
+mod attitude;
+mod bits;
+mod budget;
+pub mod format;
+mod input;
+mod metrics;
+mod nodes;
+mod report;
+pub mod table;
+mod verdict;
+
+pub use attitude::{AttitudeErrors, Spread};
+pub use bits::{BitComparison, BitMismatch, FrameComparison, FrameMismatch};
+pub use budget::{AngleSpread, BudgetDetail, ErrorBudget, PartDetail, RoundingShare};
+pub use input::{
+    Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, LinkStatistics, Node,
+    Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance,
+};
+pub use metrics::{Difference, Violation};
+pub use nodes::NodeReport;
+pub use report::{FlagCount, Report, compare};
+pub use verdict::{Reason, Verdict};

@@ -1,0 +1,263 @@
+//! What a comparison is made of: plain data that the caller collects from the participants.
+
+use std::fmt;
+
+use cardan_golden::Angles;
+use serde::Serialize;
+
+/// Everything one run leaves behind.
+#[derive(Clone, Debug, Default)]
+pub struct Comparison {
+    /// What was run.
+    pub run: Run,
+    /// The nodes in signal order, shared ones and those of the implementation alone.
+    pub nodes: Vec<Node>,
+    /// Frames on the serial line.
+    pub frames: Frames,
+    /// Native's status word per solution ([`cardan_spec::flags`]).
+    pub flags: Vec<u16>,
+    /// Golden's status word per solution; empty when it is not known.
+    pub golden_flags: Vec<u16>,
+    /// The same attitude as each stage of the chain leaves it.
+    pub attitudes: Attitudes,
+    /// Limits on the error against truth, if the scenario sets any.
+    pub truth_tolerance: Option<TruthTolerance>,
+    /// Counters of the emulator.
+    pub emulator: EmulatorStatistics,
+    /// Counters of the link.
+    pub link: LinkStatistics,
+    /// Parameters that are assumed, not published or measured.
+    pub assumed: Vec<Assumed>,
+    /// How to run it again.
+    pub reproduce: Reproduce,
+}
+
+/// Names and sizes of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Run {
+    /// The application, as in `--app`.
+    pub app: String,
+    /// The scenario's name.
+    pub scenario: String,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Session under which the participants met.
+    pub session: String,
+    /// Simulated seconds.
+    pub seconds: f64,
+    /// Conversions of the converter, all channels, warm-up included.
+    pub samples: u64,
+    /// Seconds from one solution to the next.
+    pub solution_seconds: f64,
+}
+
+/// A node with its values from every participant, each stream in order of writing.
+#[derive(Clone, Debug, Default)]
+pub struct Node {
+    /// Name.
+    pub name: String,
+    /// Unit; differences of `half_turn` nodes are wrapped to half a turn either way.
+    pub unit: String,
+    /// Values per solution; 0 is taken as 1.
+    pub per_solution: usize,
+    /// The deployed format, where there is one.
+    pub format: Option<Format>,
+    /// The value of one step of the raw integers, in the node's unit.
+    pub lsb: f64,
+    /// Raw integers of the native participant.
+    pub native: Vec<i64>,
+    /// Raw integers of the emulated participant; `None` for an image without taps.
+    pub emulated: Option<Vec<i64>>,
+    /// The same algorithm in f64, never rounded.
+    pub real: Option<Vec<f64>>,
+    /// The golden model on the same codes; `None` for nodes that it does not know.
+    pub golden: Option<Vec<f64>>,
+    /// Overflows that the native participant counted.
+    pub overflows: u64,
+    /// Largest permitted difference: from golden, or from real where golden has no such node.
+    pub tolerance: Option<Tolerance>,
+}
+
+impl Node {
+    /// The solution in which a value was written.
+    #[must_use]
+    pub fn solution_of(&self, sample: usize) -> usize {
+        sample / self.per_solution.max(1)
+    }
+
+    /// Native's values in the node's unit.
+    pub fn native_values(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
+        self.native.iter().map(|&raw| raw as f64 * self.lsb)
+    }
+}
+
+/// A fixed-point format.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Format {
+    /// Word length in bits, sign included.
+    pub word: u32,
+    /// Fractional bits.
+    pub frac: i32,
+    /// Rounding mode.
+    pub rounding: String,
+    /// Overflow mode.
+    pub overflow: String,
+}
+
+impl fmt::Display for Format {
+    /// Integer bits (the sign among them) and fractional bits: `2.14`.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            f,
+            "{}.{}",
+            i64::from(self.word) - i64::from(self.frac),
+            self.frac
+        )
+    }
+}
+
+/// A tolerance on a node.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Tolerance {
+    /// Largest permitted absolute difference, in the node's unit.
+    pub max_abs: f64,
+    /// Why this much.
+    pub reason: String,
+}
+
+/// Limits on the total attitude error against truth over solutions without flags, in degrees.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct TruthTolerance {
+    /// On the root mean square.
+    pub rms_deg: Option<f64>,
+    /// On the 99th percentile.
+    pub p99_deg: Option<f64>,
+    /// On the largest error.
+    pub max_deg: Option<f64>,
+}
+
+/// Frames as bytes on the line, in order.
+#[derive(Clone, Debug, Default)]
+pub struct Frames {
+    /// What the native participant would send.
+    pub native: Vec<Vec<u8>>,
+    /// What the emulated serial port sent.
+    pub emulated: Vec<Vec<u8>>,
+}
+
+/// One attitude per solution, as set 1's angles; empty when the run has no such series.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Series(pub Vec<Option<Angles>>);
+
+impl Series {
+    /// True when the run has no such series.
+    #[must_use]
+    pub fn is_absent(&self) -> bool {
+        self.0.is_empty()
+    }
+
+    /// The attitude of a solution, where it is known.
+    #[must_use]
+    pub fn at(&self, solution: usize) -> Option<Angles> {
+        self.0.get(solution).copied().flatten()
+    }
+}
+
+impl FromIterator<Angles> for Series {
+    fn from_iter<I: IntoIterator<Item = Angles>>(angles: I) -> Self {
+        Self(angles.into_iter().map(Some).collect())
+    }
+}
+
+impl FromIterator<Option<Angles>> for Series {
+    fn from_iter<I: IntoIterator<Item = Option<Angles>>>(angles: I) -> Self {
+        Self(angles.into_iter().collect())
+    }
+}
+
+/// The attitude at each stage of the chain. Each part of the error budget is the step from one
+/// series to the next.
+#[derive(Clone, Debug, Default)]
+pub struct Attitudes {
+    /// The true attitude at the device's declared output instant.
+    pub truth: Series,
+    /// Golden on the readings that ideal memoryless sensors would give at the true sampling
+    /// instants, shifted by the nominal delay.
+    pub direct: Series,
+    /// Golden on the ideal voltages at the converter's hold instants.
+    pub ideal: Series,
+    /// Golden on the codes.
+    pub codes: Series,
+    /// The algorithm in f64 on the codes.
+    pub real: Series,
+    /// The native participant.
+    pub deployed: Series,
+    /// The emulated participant, from its nodes or its frames.
+    pub emulated: Series,
+    /// Between `real` and `deployed`: each step adds the rounding of one more node, in signal order.
+    /// May be empty.
+    pub rounding_steps: Vec<RoundingStep>,
+}
+
+/// The attitude with the rounding of this node and of all steps before it.
+#[derive(Clone, Debug, Default)]
+pub struct RoundingStep {
+    /// The node whose rounding this step adds.
+    pub node: String,
+    /// The attitudes.
+    pub attitudes: Series,
+}
+
+/// Counters of the emulator.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct EmulatorStatistics {
+    /// Cycles of the controller.
+    pub cycles: u64,
+    /// Instructions executed.
+    pub instructions: u64,
+    /// Simulated over host time; the only figure here that differs between equal runs.
+    pub realtime_factor: f64,
+    /// Part of the cycles that the core was awake, 0..1.
+    pub cpu_load: f64,
+    /// Largest stack in bytes; `None` where it is not measured.
+    pub stack_peak: Option<u64>,
+    /// Conversions whose result was taken later than the next conversion's start.
+    pub late_conversions: u64,
+    /// Conversions whose result was never taken.
+    pub lost_conversions: u64,
+    /// Longest time from an interrupt's flag to its handler's first instruction, in cycles.
+    pub isr_latency_max_cycles: u64,
+    /// Solutions that were not finished when the next averages were complete.
+    pub missed_deadlines: u64,
+}
+
+/// Counters of the link, all services of the session together.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct LinkStatistics {
+    /// Messages delivered.
+    pub messages: u64,
+    /// Bytes of payload delivered.
+    pub bytes: u64,
+    /// Messages missing in a sequence.
+    pub lost: u64,
+}
+
+/// A parameter that the scenario assumes.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Assumed {
+    /// Its key in the scenario file.
+    pub name: String,
+    /// Its value with its unit.
+    pub value: String,
+    /// Why this value, as far as anything is known.
+    pub reason: String,
+}
+
+/// How to run it again.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Reproduce {
+    /// The command line.
+    pub command: String,
+    /// What else decides the result: versions, hashes of image, formats and scenario.
+    pub provenance: Vec<(String, String)>,
+}

@@ -1,0 +1,149 @@
+//! How far one stream of values lies from another.
+
+use cardan_units::HalfTurns;
+use serde::Serialize;
+
+/// The unit whose differences are wrapped.
+pub(crate) const WRAPPING_UNIT: &str = "half_turn";
+
+/// Statistics of the differences native - reference. Undefined figures are `None` (JSON null).
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Difference {
+    /// Largest absolute difference; `None` without samples.
+    pub max_abs: Option<f64>,
+    /// Root mean square.
+    pub rms: Option<f64>,
+    /// Mean.
+    pub bias: Option<f64>,
+    /// Power of the reference over that of the difference, in dB; undefined where either is zero.
+    pub sqnr_db: Option<f64>,
+    /// `max_abs` in steps of the deployed format.
+    pub max_lsb: Option<f64>,
+    /// The first difference beyond the tolerance, where this comparison is judged.
+    pub first_violation: Option<Violation>,
+    /// Values compared: those of solutions without status flags.
+    pub samples: u64,
+}
+
+/// Where and by what a tolerance was first missed.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Violation {
+    /// Index of the value in the node's stream.
+    pub sample: usize,
+    /// Index of the solution.
+    pub solution: usize,
+    /// The golden model's value, where it is the reference.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub golden: Option<f64>,
+    /// The real interpretation's value, where it is the reference.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub real: Option<f64>,
+    /// The native participant's value.
+    pub native: f64,
+}
+
+impl Violation {
+    /// The value that native was judged against.
+    #[must_use]
+    pub fn reference(&self) -> f64 {
+        self.golden.or(self.real).unwrap_or(f64::NAN)
+    }
+}
+
+/// What native is compared with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Against {
+    Golden,
+    Real,
+}
+
+/// One pair of values.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Pair {
+    pub(crate) sample: usize,
+    pub(crate) reference: f64,
+    pub(crate) native: f64,
+}
+
+/// What decides how pairs are compared.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Rule {
+    pub(crate) against: Against,
+    pub(crate) wrap: bool,
+    pub(crate) lsb: f64,
+    pub(crate) per_solution: usize,
+    /// `None`: not judged.
+    pub(crate) tolerance: Option<f64>,
+}
+
+/// native - reference; an angle's the short way round.
+pub(crate) fn difference(native: f64, reference: f64, wrap: bool) -> f64 {
+    let plain = native - reference;
+    if wrap && plain.abs() >= 1.0 {
+        HalfTurns(plain).wrapped().0
+    } else {
+        plain
+    }
+}
+
+/// Whether a size is beyond its limit; what is not a number is beyond any.
+pub(crate) fn exceeds(size: f64, limit: f64) -> bool {
+    size.is_nan() || limit.is_nan() || size > limit
+}
+
+/// The larger of two sizes; not a number where either is none, so that it cannot be passed over.
+pub(crate) fn larger(left: f64, right: f64) -> f64 {
+    if left.is_nan() || right.is_nan() {
+        f64::NAN
+    } else {
+        left.max(right)
+    }
+}
+
+impl Difference {
+    /// Over all `pairs`. A value that is not a number is worse than any tolerance.
+    pub(crate) fn of(pairs: impl Iterator<Item = Pair>, rule: Rule) -> Self {
+        let (mut samples, mut max_abs) = (0u64, 0f64);
+        let (mut sum, mut square, mut power) = (0f64, 0f64, 0f64);
+        let mut first_violation = None;
+        for pair in pairs {
+            let difference = difference(pair.native, pair.reference, rule.wrap);
+            samples += 1;
+            max_abs = larger(max_abs, difference.abs());
+            sum += difference;
+            square += difference * difference;
+            power += pair.reference * pair.reference;
+            if first_violation.is_none() && beyond(difference, rule.tolerance) {
+                first_violation = Some(violation(pair, rule));
+            }
+        }
+        if samples == 0 {
+            return Self::default();
+        }
+        let count = samples as f64;
+        Self {
+            max_abs: Some(max_abs),
+            rms: Some((square / count).sqrt()),
+            bias: Some(sum / count),
+            sqnr_db: (square > 0.0 && power > 0.0).then(|| 10.0 * libm::log10(power / square)),
+            max_lsb: (rule.lsb > 0.0).then(|| max_abs / rule.lsb),
+            first_violation,
+            samples,
+        }
+    }
+}
+
+fn beyond(difference: f64, tolerance: Option<f64>) -> bool {
+    tolerance.is_some_and(|tolerance| exceeds(difference.abs(), tolerance))
+}
+
+fn violation(pair: Pair, rule: Rule) -> Violation {
+    let reference = |against| (rule.against == against).then_some(pair.reference);
+    Violation {
+        sample: pair.sample,
+        solution: pair.sample / rule.per_solution,
+        golden: reference(Against::Golden),
+        real: reference(Against::Real),
+        native: pair.native,
+    }
+}

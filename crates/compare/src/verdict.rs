@@ -1,0 +1,313 @@
+//! Pass or fail, and every reason for the latter.
+
+use std::fmt;
+
+use serde::{Serialize, Serializer};
+
+use crate::attitude::AttitudeErrors;
+use crate::bits::{BitMismatch, FrameComparison, FrameMismatch};
+use crate::format::number;
+use crate::input::{Comparison, TruthTolerance};
+use crate::metrics::{Violation, exceeds};
+
+/// The parts of the budget must add up to the whole error within this, in degrees.
+pub(crate) const CLOSURE_LIMIT_DEG: f64 = 1e-9;
+
+/// Whether the firmware does what the models say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum Verdict {
+    /// Nothing is wrong.
+    Pass,
+    /// At least one reason says what is.
+    Fail,
+}
+
+/// A reason to fail. Its text (also in JSON) names the place.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Reason {
+    /// A node differs from its model by more than its tolerance.
+    ToleranceMissed {
+        /// The node.
+        node: String,
+        /// Its unit.
+        unit: String,
+        /// `golden` or `real`.
+        against: &'static str,
+        /// Largest difference.
+        max_abs: f64,
+        /// Largest permitted difference.
+        tolerance: f64,
+        /// The first one beyond it.
+        first: Violation,
+    },
+    /// A node has a tolerance but no value to judge: every solution is flagged, or no model knows it.
+    NothingJudged {
+        /// The node.
+        node: String,
+    },
+    /// Native and emulated raw integers differ.
+    BitsDiffer {
+        /// The node.
+        node: String,
+        /// Values that differ or lack a partner.
+        mismatches: u64,
+        /// Values that both wrote.
+        compared: u64,
+        /// The first difference.
+        first: BitMismatch,
+    },
+    /// Native and emulated frames differ.
+    FramesDiffer {
+        /// Frames that differ or lack a partner.
+        mismatches: u64,
+        /// Frames that both sent.
+        compared: u64,
+        /// The first difference.
+        first: FrameMismatch,
+    },
+    /// No frame was there to compare.
+    NoFrames,
+    /// Streams that belong together have different lengths.
+    LengthsDiffer {
+        /// What they are streams of.
+        what: String,
+        /// Whose they are.
+        names: [&'static str; 2],
+        /// How long they are.
+        lengths: [usize; 2],
+    },
+    /// Messages were lost on the link.
+    MessagesLost(u64),
+    /// Conversions were taken late.
+    LateConversions(u64),
+    /// Conversions were never taken.
+    LostConversions(u64),
+    /// Solutions were not finished in time.
+    MissedDeadlines(u64),
+    /// The error against truth is beyond the scenario's limit.
+    TruthMissed {
+        /// `rms`, `p99` or `max`.
+        statistic: &'static str,
+        /// The error in degrees.
+        value_deg: f64,
+        /// The limit in degrees.
+        limit_deg: f64,
+    },
+    /// The scenario limits the error against truth, but no solution without flags has a truth.
+    NoTruth,
+    /// The parts of the error budget do not add up, by this many degrees.
+    BudgetOpen(f64),
+}
+
+impl fmt::Display for Reason {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::ToleranceMissed {
+                node,
+                unit,
+                against,
+                max_abs,
+                tolerance,
+                first,
+            } => write!(
+                f,
+                "node {node}: differs from {against} by up to {} {unit}, tolerance {} {unit}; \
+                 first in solution {} (sample {}): {against} {}, native {}",
+                number(*max_abs),
+                number(*tolerance),
+                first.solution,
+                first.sample,
+                first.reference(),
+                first.native,
+            ),
+            Self::NothingJudged { node } => write!(
+                f,
+                "node {node}: has a tolerance, but no solution without status flags has a value to \
+                 judge it by"
+            ),
+            Self::BitsDiffer {
+                node,
+                mismatches,
+                compared,
+                first,
+            } => write!(
+                f,
+                "node {node}: native and emulated differ in {mismatches} values ({compared} \
+                 compared); first in solution {} (sample {}): native {}, emulated {}",
+                first.solution,
+                first.sample,
+                or_missing(first.native),
+                or_missing(first.emulated),
+            ),
+            Self::FramesDiffer {
+                mismatches,
+                compared,
+                first,
+            } => write!(
+                f,
+                "frames: native and emulated differ in {mismatches} frames ({compared} compared); \
+                 first is frame {}: native {}, emulated {}",
+                first.frame,
+                or_missing(first.native.as_ref()),
+                or_missing(first.emulated.as_ref()),
+            ),
+            Self::NoFrames => write!(f, "frames: none were compared"),
+            Self::LengthsDiffer {
+                what,
+                names: [left, right],
+                lengths: [left_length, right_length],
+            } => write!(
+                f,
+                "{what}: lengths differ, {left} {left_length}, {right} {right_length}"
+            ),
+            Self::MessagesLost(count) => write!(f, "link: {count} messages lost"),
+            Self::LateConversions(count) => write!(f, "timing: {count} conversions taken late"),
+            Self::LostConversions(count) => write!(f, "timing: {count} conversions lost"),
+            Self::MissedDeadlines(count) => write!(f, "timing: {count} deadlines missed"),
+            Self::TruthMissed {
+                statistic,
+                value_deg,
+                limit_deg,
+            } => write!(
+                f,
+                "attitude: {statistic} error against truth is {} degrees, limit {}",
+                number(*value_deg),
+                number(*limit_deg),
+            ),
+            Self::NoTruth => write!(
+                f,
+                "attitude: tolerance.truth is set, but no solution without status flags has a truth"
+            ),
+            Self::BudgetOpen(by) => write!(
+                f,
+                "error budget: the parts miss the whole error by {} degrees",
+                number(*by)
+            ),
+        }
+    }
+}
+
+impl Serialize for Reason {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_str(self)
+    }
+}
+
+fn or_missing<T: fmt::Display>(value: Option<T>) -> String {
+    value.map_or_else(|| "missing".to_owned(), |value| value.to_string())
+}
+
+/// Reasons that do not belong to one node.
+pub(crate) fn check_run(
+    comparison: &Comparison,
+    frames: &FrameComparison,
+    attitude: Option<&AttitudeErrors>,
+    closure_deg: Option<f64>,
+    reasons: &mut Vec<Reason>,
+) {
+    check_frames(frames, reasons);
+    check_series(comparison, reasons);
+    let counts = [
+        (comparison.link.lost, Reason::MessagesLost as fn(u64) -> _),
+        (
+            comparison.emulator.late_conversions,
+            Reason::LateConversions,
+        ),
+        (
+            comparison.emulator.lost_conversions,
+            Reason::LostConversions,
+        ),
+        (
+            comparison.emulator.missed_deadlines,
+            Reason::MissedDeadlines,
+        ),
+    ];
+    for (count, reason) in counts {
+        if count > 0 {
+            reasons.push(reason(count));
+        }
+    }
+    if let Some(tolerance) = comparison.truth_tolerance {
+        check_truth(tolerance, attitude, reasons);
+    }
+    if let Some(open) = closure_deg
+        && exceeds(open, CLOSURE_LIMIT_DEG)
+    {
+        reasons.push(Reason::BudgetOpen(open));
+    }
+}
+
+fn check_frames(frames: &FrameComparison, reasons: &mut Vec<Reason>) {
+    if let Some(first) = &frames.first_mismatch {
+        reasons.push(Reason::FramesDiffer {
+            mismatches: frames.mismatches,
+            compared: frames.compared,
+            first: first.clone(),
+        });
+    } else if frames.compared == 0 {
+        reasons.push(Reason::NoFrames);
+    }
+}
+
+/// Every series that exists has one entry per solution.
+fn check_series(comparison: &Comparison, reasons: &mut Vec<Reason>) {
+    let attitudes = &comparison.attitudes;
+    let expected = comparison.flags.len();
+    let mut check = |what: String, name: &'static str, length: usize| {
+        if length != 0 && length != expected {
+            reasons.push(Reason::LengthsDiffer {
+                what,
+                names: ["native's solutions", name],
+                lengths: [expected, length],
+            });
+        }
+    };
+    for (name, series) in [
+        ("truth", &attitudes.truth),
+        ("golden on ideal readings", &attitudes.direct),
+        ("golden on ideal voltages", &attitudes.ideal),
+        ("golden on codes", &attitudes.codes),
+        ("real", &attitudes.real),
+        ("native", &attitudes.deployed),
+        ("emulated", &attitudes.emulated),
+    ] {
+        check("attitudes".to_owned(), name, series.0.len());
+    }
+    for step in &attitudes.rounding_steps {
+        let what = format!("attitudes with the rounding of {}", step.node);
+        check(what, "step", step.attitudes.0.len());
+    }
+    check(
+        "status flags".to_owned(),
+        "golden",
+        comparison.golden_flags.len(),
+    );
+}
+
+fn check_truth(
+    tolerance: TruthTolerance,
+    attitude: Option<&AttitudeErrors>,
+    reasons: &mut Vec<Reason>,
+) {
+    let total = attitude.map(|attitude| attitude.total).unwrap_or_default();
+    if total.samples == 0 {
+        reasons.push(Reason::NoTruth);
+        return;
+    }
+    for (statistic, value, limit) in [
+        ("rms", total.rms_deg, tolerance.rms_deg),
+        ("p99", total.p99_deg, tolerance.p99_deg),
+        ("max", total.max_deg, tolerance.max_deg),
+    ] {
+        if let (Some(value_deg), Some(limit_deg)) = (value, limit)
+            && exceeds(value_deg, limit_deg)
+        {
+            reasons.push(Reason::TruthMissed {
+                statistic,
+                value_deg,
+                limit_deg,
+            });
+        }
+    }
+}
