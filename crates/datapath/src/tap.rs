@@ -1,0 +1,20 @@
+//! What the deployed arithmetic shows of itself.
+
+/// Sees every write of a node. The silent one vanishes at compile time.
+pub trait Tap {
+    /// Node `index` takes the raw word `raw`.
+    fn write(&self, index: usize, raw: i64);
+    /// The value did not fit node `index`'s word.
+    fn overflow(&self, index: usize);
+}
+
+/// No observation: plain firmware.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Silent;
+
+impl Tap for Silent {
+    #[inline(always)]
+    fn write(&self, _index: usize, _raw: i64) {}
+    #[inline(always)]
+    fn overflow(&self, _index: usize) {}
+}
