@@ -1,0 +1,80 @@
+//! What goes to standard output and standard error, for people and for programs.
+
+use std::io::{self, IsTerminal, Write};
+
+use clap::Args;
+
+/// Options of every command.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct Options {
+    /// One JSON document on standard output; all else on standard error.
+    #[arg(long, global = true)]
+    pub(crate) json: bool,
+    /// Say nothing but results and errors.
+    #[arg(long, global = true)]
+    pub(crate) quiet: bool,
+}
+
+/// Where a command writes.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Output {
+    json: bool,
+    quiet: bool,
+}
+
+impl Output {
+    pub(crate) fn new(options: &Options) -> Self {
+        Self { json: options.json, quiet: options.quiet }
+    }
+
+    /// True if the result is wanted as JSON.
+    pub(crate) fn is_json(self) -> bool {
+        self.json
+    }
+
+    /// True if only results and errors are wanted.
+    pub(crate) fn is_quiet(self) -> bool {
+        self.quiet
+    }
+
+    /// True if the text on standard output may have colours: a terminal, and NO_COLOR is not set.
+    pub(crate) fn has_colour(self) -> bool {
+        let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
+        wanted && !self.json && io::stdout().is_terminal()
+    }
+
+    /// The command's JSON document.
+    pub(crate) fn document(self, document: &impl serde::Serialize) {
+        let text = serde_json::to_string_pretty(document)
+            .unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"));
+        self.write(&mut io::stdout(), &text);
+    }
+
+    /// The command's result for people: standard output, or standard error beside JSON.
+    pub(crate) fn result(self, text: &str) {
+        if self.json {
+            if !self.quiet {
+                self.write(&mut io::stderr(), text);
+            }
+        } else {
+            self.write(&mut io::stdout(), text);
+        }
+    }
+
+    /// What is going on, unless quiet; standard error.
+    pub(crate) fn note(self, text: &str) {
+        if !self.quiet {
+            self.write(&mut io::stderr(), text);
+        }
+    }
+
+    /// An error; standard error.
+    pub(crate) fn error(self, error: &dyn std::fmt::Display) {
+        self.write(&mut io::stderr(), &format!("cardan: {error}"));
+    }
+
+    /// A closed pipe is the reader's choice, not an error.
+    fn write(self, to: &mut dyn Write, text: &str) {
+        let _ = writeln!(to, "{}", text.trim_end_matches('\n'));
+    }
+}
