@@ -1,0 +1,276 @@
+//! The whole board against what the design promises: scale, sign, delay, order of events, noise.
+
+use cardan_frontend::design::nominal_edges;
+use cardan_frontend::{Error, Frontend, Pin, Stage};
+use cardan_scenario::{Experience, Scenario, Stimulus};
+use cardan_spec::timing::{CPU_HZ, HALF_CARRIER_CYCLES};
+use cardan_spec::{Channel, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G};
+use cardan_units::Cycles;
+
+/// An experience that is a function of time.
+struct Script<F>(F);
+
+impl<F: Fn(f64) -> Experience> Stimulus for Script<F> {
+    fn at(&self, t_s: f64) -> Experience {
+        (self.0)(t_s)
+    }
+}
+
+fn constant(force_x: f64, field_y: f64) -> Script<impl Fn(f64) -> Experience> {
+    Script(move |_| Experience {
+        specific_force_g: [force_x, 0.0, -1.0],
+        field_ut: [0.0, field_y, 40.0],
+        ..Experience::default()
+    })
+}
+
+fn quiet() -> Scenario {
+    let mut scenario = Scenario::default();
+    scenario.noise.enabled = false;
+    scenario
+}
+
+/// Pushes the nominal edges up to `cycle`, from number `*next` on.
+fn clock<S: Stimulus>(board: &mut Frontend<S>, next: &mut u64, cycle: u64) {
+    loop {
+        let edge = nominal_edges(*next / 2)[(*next % 2) as usize];
+        if edge.cycle > cycle {
+            return;
+        }
+        board
+            .pin_edge(Cycles(edge.cycle), edge.pin, edge.high)
+            .expect("in order");
+        *next += 1;
+    }
+}
+
+/// Voltages of one channel at the given times.
+fn voltages<S: Stimulus>(
+    scenario: &Scenario,
+    seed: u64,
+    stimulus: S,
+    channel: Channel,
+    times_s: impl Iterator<Item = f64>,
+) -> Vec<f64> {
+    let mut board = Frontend::new(scenario, seed, stimulus).expect("a working design");
+    let mut next = 0;
+    times_s
+        .map(|t| {
+            let cycle = (t * CPU_HZ as f64) as u64;
+            clock(&mut board, &mut next, cycle);
+            board.voltage(Cycles(cycle), channel).expect("in order").0
+        })
+        .collect()
+}
+
+#[test]
+fn constant_inputs_give_the_nominal_calibration_to_a_millionth_of_full_scale() {
+    for share in [-0.99, -0.5, 0.25, 0.95] {
+        let stimulus = || constant(share * TILT_FULL_SCALE_G, share * FIELD_FULL_SCALE_UT);
+        for (channel, expected) in [
+            (Channel::TiltX, share),
+            (Channel::TiltY, 0.0),
+            (Channel::FieldX, 0.0),
+            (Channel::FieldY, share),
+        ] {
+            let times = (0..20).map(|k| 0.4 + 137.3e-6 * f64::from(k));
+            for volts in voltages(&quiet(), 1, stimulus(), channel, times) {
+                let found = volts / 2.5 - 1.0;
+                assert!(
+                    (found - expected).abs() < 1e-6,
+                    "{channel:?} {share}: {found}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn a_ramp_comes_out_later_by_the_nominal_group_delay_on_every_channel() {
+    let (force_rate, field_rate) = (1.0, 50.0);
+    let ramp = || {
+        Script(move |t: f64| Experience {
+            specific_force_g: [force_rate * t, -force_rate * t, -1.0],
+            field_ut: [field_rate * t, -field_rate * t, 0.0],
+            ..Experience::default()
+        })
+    };
+    let board = Frontend::new(&quiet(), 1, ramp()).expect("a working design");
+    let delay_s = board.design().group_delay_s();
+    assert!((9.2e-3..9.6e-3).contains(&delay_s), "{delay_s}");
+    assert!((30.0..32.0).contains(&board.design().field.low_pass_hz));
+    for (channel, rate, full_scale) in [
+        (Channel::TiltX, force_rate, TILT_FULL_SCALE_G),
+        (Channel::TiltY, -force_rate, TILT_FULL_SCALE_G),
+        (Channel::FieldX, field_rate, FIELD_FULL_SCALE_UT),
+        (Channel::FieldY, -field_rate, FIELD_FULL_SCALE_UT),
+    ] {
+        let times = (0..16).map(|k| 0.5 + 0.5e-3 * f64::from(k));
+        let found = voltages(&quiet(), 1, ramp(), channel, times.clone());
+        for (volts, t) in found.iter().zip(times) {
+            let input = (volts / 2.5 - 1.0) * full_scale;
+            let delayed_s = t - input / rate;
+            // The ripple of the track-and-hold moves the instant by up to half a carrier period.
+            assert!(
+                (delayed_s - delay_s).abs() < 5e-6,
+                "{channel:?}: {delayed_s} {delay_s}"
+            );
+        }
+    }
+}
+
+#[test]
+fn without_a_carrier_nothing_comes_through() {
+    let mut board = Frontend::new(&quiet(), 1, constant(1.0, 50.0)).expect("a working design");
+    for channel in Channel::ALL {
+        let volts = board
+            .voltage(Cycles(CPU_HZ / 10), channel)
+            .expect("in order")
+            .0;
+        assert!((volts - 2.5).abs() < 1e-9, "{channel:?}: {volts}");
+    }
+}
+
+#[test]
+fn a_strobe_in_the_wrong_phase_loses_the_signal() {
+    // Strobing the tilt channels at the carrier's edges samples the zero crossings.
+    let mut board = Frontend::new(&quiet(), 1, constant(1.0, 0.0)).expect("a working design");
+    for half in 0..12_000 {
+        let (cycle, high) = (Cycles((half + 1) * HALF_CARRIER_CYCLES), half % 2 == 0);
+        board.pin_edge(cycle, Pin::Strobe, high).expect("in order");
+        board.pin_edge(cycle, Pin::Carrier, high).expect("in order");
+    }
+    let volts = board
+        .voltage(Cycles(6_000_000), Channel::TiltX)
+        .expect("in order")
+        .0;
+    assert!((volts - 2.5).abs() < 0.4, "{volts}");
+}
+
+#[test]
+fn asking_more_often_changes_nothing_but_rounding() {
+    let motion = || {
+        Script(|t: f64| Experience {
+            specific_force_g: [0.8 * (6.0 * t).sin(), 0.0, -1.0],
+            field_ut: [30.0 * (5.0 * t).cos(), 0.0, 0.0],
+            ..Experience::default()
+        })
+    };
+    for channel in [Channel::TiltX, Channel::FieldX] {
+        let seldom = voltages(
+            &quiet(),
+            1,
+            motion(),
+            channel,
+            (1..=10).map(|k| 0.02 * f64::from(k)),
+        );
+        let often = voltages(
+            &quiet(),
+            1,
+            motion(),
+            channel,
+            (1..=2000).map(|k| 1e-4 * f64::from(k)),
+        );
+        for (k, volts) in seldom.iter().enumerate() {
+            let same = often[200 * (k + 1) - 1];
+            assert!((volts - same).abs() < 1e-9, "{channel:?}: {volts} {same}");
+        }
+    }
+}
+
+#[test]
+fn beyond_full_scale_the_output_clips_at_the_rail_and_says_so() {
+    let mut board = Frontend::new(&quiet(), 1, constant(1.3, 0.0)).expect("a working design");
+    let mut half = 0;
+    clock(&mut board, &mut half, 4_000_000);
+    let volts = board
+        .voltage(Cycles(4_000_000), Channel::TiltX)
+        .expect("in order")
+        .0;
+    assert_eq!(volts, 5.0);
+    let seen = board.saturations();
+    assert!(
+        seen.iter()
+            .any(|s| s.stage == Stage::Output && s.channel == Channel::TiltX)
+    );
+    assert!(
+        seen.iter().all(|s| s.stage == Stage::Output),
+        "the filters have headroom: {seen:?}"
+    );
+}
+
+#[test]
+fn far_beyond_full_scale_the_filter_that_saturates_is_named() {
+    let mut board = Frontend::new(&quiet(), 1, constant(5.0, 0.0)).expect("a working design");
+    let mut half = 0;
+    clock(&mut board, &mut half, 4_000_000);
+    board
+        .voltage(Cycles(4_000_000), Channel::TiltX)
+        .expect("in order");
+    let seen = board.saturations();
+    let found = seen
+        .iter()
+        .find(|s| s.stage == Stage::BandPass)
+        .expect("saturated");
+    assert_eq!(found.channel, Channel::TiltX);
+    assert!(found.first_cycle < 20_000, "at once: {found:?}");
+}
+
+#[test]
+fn events_out_of_order_are_refused() {
+    let mut board = Frontend::new(&quiet(), 1, constant(0.0, 0.0)).expect("a working design");
+    board
+        .pin_edge(Cycles(1000), Pin::Carrier, true)
+        .expect("in order");
+    let late = board.pin_edge(Cycles(999), Pin::Carrier, false);
+    assert_eq!(
+        late,
+        Err(Error::OutOfOrder {
+            cycle: 999,
+            reached: 1000
+        })
+    );
+    board
+        .voltage(Cycles(2000), Channel::TiltX)
+        .expect("in order");
+    assert!(board.voltage(Cycles(1999), Channel::TiltX).is_err());
+    assert!(
+        board.voltage(Cycles(1999), Channel::TiltY).is_ok(),
+        "channels are independent"
+    );
+}
+
+#[test]
+fn the_same_seed_repeats_every_bit_and_another_does_not() {
+    let run = |seed| {
+        let times = (1..50).map(|k| 2e-3 * f64::from(k));
+        voltages(
+            &Scenario::default(),
+            seed,
+            constant(0.5, 20.0),
+            Channel::FieldY,
+            times,
+        )
+    };
+    assert_eq!(run(1), run(1));
+    assert_ne!(run(1), run(2));
+}
+
+#[test]
+fn parameters_that_cannot_work_together_are_refused_with_their_key() {
+    let refused = |change: fn(&mut Scenario)| {
+        let mut scenario = quiet();
+        change(&mut scenario);
+        Frontend::new(&scenario, 1, constant(0.0, 0.0))
+            .map(|_| ())
+            .expect_err("refused")
+            .to_string()
+    };
+    let message = refused(|s| s.frontend.band_pass_swing_v = 0.5);
+    assert!(message.contains("frontend.band_pass_swing_v"), "{message}");
+    let message = refused(|s| s.sensors.magnetometer.quality = 1e4);
+    assert!(
+        message.contains("sensors.magnetometer.quality"),
+        "{message}"
+    );
+}

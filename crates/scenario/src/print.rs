@@ -1,0 +1,255 @@
+//! The scenario as a commented TOML file that reads back as the same scenario.
+
+use std::fmt::Write;
+
+use crate::field;
+use crate::parameter::{Origin, Parameter, Parameters};
+use crate::scenario::{BUNDLED, MOST_SECONDS, Scenario};
+
+/// Documented text of `scenario`: every key with meaning, unit, range, default and origin.
+#[must_use]
+pub fn print_scenario(scenario: &Scenario) -> String {
+    let mut out = Page::default();
+    head(&mut out, scenario);
+    motion(&mut out, scenario);
+    field_table(&mut out, scenario);
+    let s = &scenario.sensors;
+    out.table(
+        "sensors.accelerometer",
+        "Convective accelerometers along body x and y.",
+    );
+    out.parameters(&s.accelerometer.list());
+    out.table(
+        "sensors.magnetometer",
+        "Lorentz magnetometers along body x and y.",
+    );
+    out.parameters(&s.magnetometer.list());
+    out.table(
+        "frontend",
+        "Amplifier, band-pass, track-and-hold, low-pass, output amplifier.",
+    );
+    out.parameters(&scenario.frontend.list());
+    out.table("adc", "Errors of the converter.");
+    out.parameters(&scenario.adc.list());
+    out.table("noise", "Noise of everything above at once.");
+    out.key(
+        "All noise on or off; with off the same run is free of chance.",
+        "enabled",
+        scenario.noise.enabled,
+    );
+    mounting(&mut out, scenario);
+    calibration(&mut out, scenario);
+    tolerance(&mut out, scenario);
+    out.text
+}
+
+#[derive(Default)]
+struct Page {
+    text: String,
+}
+
+impl Page {
+    fn line(&mut self, text: &str) {
+        self.text.push_str(text);
+        self.text.push('\n');
+    }
+
+    fn comment(&mut self, text: &str) {
+        for line in text.lines() {
+            self.line(&format!("# {line}"));
+        }
+    }
+
+    fn table(&mut self, name: &str, about: &str) {
+        self.line("");
+        self.comment(about);
+        self.line(&format!("[{name}]"));
+    }
+
+    fn key(&mut self, about: &str, key: &str, value: impl std::fmt::Debug) {
+        self.comment(about);
+        self.line(&format!("{key} = {value:?}"));
+    }
+
+    /// A key without default: set, or shown as a comment with an example.
+    fn optional(&mut self, about: &str, key: &str, value: Option<impl std::fmt::Debug>, eg: &str) {
+        self.comment(about);
+        match value {
+            Some(value) => self.line(&format!("{key} = {value:?}")),
+            None => self.line(&format!("#{key} = {eg}")),
+        }
+    }
+
+    fn parameters(&mut self, parameters: &[Parameter]) {
+        for p in parameters {
+            let origin = match p.origin {
+                Origin::Published(source) => format!(" Published: {source}."),
+                Origin::Assumed(reason) => format!(" Assumed: {reason}."),
+                Origin::Setting => String::new(),
+            };
+            let Parameter {
+                value,
+                default,
+                unit,
+                least,
+                most,
+                meaning,
+                ..
+            } = p;
+            self.comment(meaning);
+            self.comment(&format!(
+                "Unit {unit}, {least:?} to {most:?}, default {default:?}.{origin}"
+            ));
+            self.line(&format!("{} = {value:?}", p.key));
+        }
+    }
+}
+
+fn head(out: &mut Page, scenario: &Scenario) {
+    out.comment("Cardan scenario. Keys left out take the default; unknown keys are errors.");
+    out.comment(&format!(
+        "Bundled scenarios: {}.",
+        BUNDLED.map(|(name, _)| name).join(", ")
+    ));
+    out.comment("The seed (--seed) sets the tumble's phases and all noise.");
+    out.line("");
+    out.key(
+        "Name in reports; default: the file's.",
+        "name",
+        &scenario.name,
+    );
+    out.key("One sentence for people.", "about", &scenario.about);
+    let about = format!(
+        "Simulated time after reset, unit s, more than 0 to {MOST_SECONDS:?}, default 12.0. The\n\
+         first 0.096 s settle the filters. A recording may end the run earlier."
+    );
+    out.key(&about, "seconds", scenario.seconds);
+}
+
+fn motion(out: &mut Page, scenario: &Scenario) {
+    let m = &scenario.motion;
+    out.table("motion", "What moves the device.");
+    out.key(
+        "\"tumble\" (default), \"static\" or \"recording\".",
+        "kind",
+        m.kind.name(),
+    );
+    out.table(
+        "motion.tumble",
+        "Seeded synthetic tumble: smooth, endless, through all headings.",
+    );
+    out.parameters(&m.tumble.list());
+    out.table(
+        "motion.static",
+        "Rests at a grid of attitudes, moving smoothly between them.",
+    );
+    out.parameters(&m.grid.list());
+    out.table(
+        "motion.recording",
+        "Recorded specific force and field (option --recording).",
+    );
+    let about = "CSV or CSV.gz with columns t_s, acc_{x,y,z}_m_s2 (specific force), mag_{x,y,z}_uT\n\
+                 and, optional, ref_q{w,x,y,z} (sensor axes to east-north-up; may be empty).";
+    out.optional(
+        about,
+        "file",
+        m.recording.file.as_ref(),
+        "\"recording.csv.gz\"",
+    );
+    let about = "Local gravity, unit m/s^2, 9.7 to 9.9; without it the recording's own at rest.";
+    out.optional(about, "gravity_m_s2", m.recording.gravity_m_s2, "9.8048");
+}
+
+fn field_table(out: &mut Page, scenario: &Scenario) {
+    let f = &scenario.field;
+    out.table("field", "The Earth's field. For a recording only explicit components count; else\nthey are estimated from it and reported as assumed.");
+    let mut about =
+        String::from("Site, used where components are not explicit (IGRF, Bh and Bv in uT):");
+    for (name, site) in field::SITES {
+        let _ = write!(
+            about,
+            "\n  {name}: {:?}, {:?}",
+            site.horizontal_ut, site.vertical_ut
+        );
+    }
+    out.key(&about, "site", &f.site);
+    let about = "Horizontal component, unit uT, 0.1 to 100; needs vertical_ut beside it.";
+    out.optional(about, "horizontal_ut", f.horizontal_ut, "23.834");
+    let about = "Downward component, unit uT, -100 to 100; needs horizontal_ut beside it.";
+    out.optional(about, "vertical_ut", f.vertical_ut, "40.29");
+}
+
+fn mounting(out: &mut Page, scenario: &Scenario) {
+    let m = &scenario.mounting;
+    out.table("mounting", "Sensor axis of the recording along each body axis (x, y, z, -x, -y, -z); the\ndefault suits sensors whose z points up.");
+    for (key, axis) in [
+        ("x_body", m.x_body),
+        ("y_body", m.y_body),
+        ("z_body", m.z_body),
+    ] {
+        out.line(&format!("{key} = {:?}", axis.name()));
+    }
+}
+
+fn calibration(out: &mut Page, scenario: &Scenario) {
+    let c = &scenario.calibration;
+    out.table("calibration", "What the device's EEPROM holds; each key left out is that of a nominal device in the\nfield of the run. Averages are fractions of full scale.");
+    let eg = "[-0.0009765625, -0.0009765625]";
+    out.optional(
+        "Averages of both tilt channels at zero g, -1 to 1.",
+        "tilt_offset",
+        c.tilt_offset,
+        eg,
+    );
+    let about = "Gravity along body x, y in g per full scale of both averages, -7.99 to 7.99.";
+    out.optional(
+        about,
+        "tilt_matrix",
+        c.tilt_matrix,
+        "[[-1.2, 0.0], [0.0, -1.2]]",
+    );
+    out.optional(
+        "Averages of both field channels at zero field, -1 to 1.",
+        "field_offset",
+        c.field_offset,
+        eg,
+    );
+    let about = "Field along body x, y over |B| per full scale of both averages, -7.99 to 7.99.";
+    out.optional(
+        about,
+        "field_matrix",
+        c.field_matrix,
+        "[[1.28, 0.0], [0.0, 1.28]]",
+    );
+    let about = "Horizontal field as the device believes it, unit uT, 0.1 to 100.";
+    out.optional(about, "horizontal_ut", c.horizontal_ut, "23.834");
+    let about = "Downward field as the device believes it, unit uT, -100 to 100.";
+    out.optional(about, "vertical_ut", c.vertical_ut, "40.29");
+}
+
+fn tolerance(out: &mut Page, scenario: &Scenario) {
+    let t = &scenario.tolerance;
+    out.table(
+        "tolerance.nodes",
+        "Largest difference between golden and native, node = limit in the node's unit.",
+    );
+    for (node, limit) in &t.nodes {
+        out.line(&format!("{node} = {limit:?}"));
+    }
+    out.table(
+        "tolerance.truth",
+        "Limits of the rotation between output and truth; without: reported, not judged.",
+    );
+    out.optional(
+        "Root mean square, unit deg, 0 to 180.",
+        "rms_deg",
+        t.truth.rms_deg,
+        "0.3",
+    );
+    out.optional(
+        "Maximum, unit deg, 0 to 180.",
+        "max_deg",
+        t.truth.max_deg,
+        "1.5",
+    );
+}

@@ -1,0 +1,487 @@
+//! The scenario file: all its tables, where it comes from and what is checked.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+
+use serde::Deserialize;
+
+use crate::error::Error;
+use crate::field::{self, EarthField};
+use crate::grid::Grid;
+use crate::hardware::{Accelerometer, Adc, Frontend, Magnetometer};
+use crate::mounting::Mounting;
+use crate::parameter::{Origin, Parameter, Parameters};
+use crate::syntax;
+use crate::tumble::Tumble;
+
+/// Bundled scenarios: name and text.
+pub const BUNDLED: [(&str, &str); 3] = [
+    ("tumble", include_str!("../scenarios/tumble.toml")),
+    (
+        "tumble-quiet",
+        include_str!("../scenarios/tumble-quiet.toml"),
+    ),
+    ("static", include_str!("../scenarios/static.toml")),
+];
+
+/// The scenario that runs when none is named.
+pub const DEFAULT: &str = "tumble";
+
+/// Longest admissible run in simulated seconds.
+pub const MOST_SECONDS: f64 = 1e6;
+
+/// Everything that describes a run besides the seed and the firmware.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Scenario {
+    /// Name in reports; that of the file if the file does not say.
+    pub name: String,
+    /// One sentence for people.
+    pub about: String,
+    /// Simulated seconds after reset; a recording may end the run earlier.
+    pub seconds: f64,
+    /// What moves the device.
+    pub motion: Motion,
+    /// The Earth's field.
+    pub field: Field,
+    /// The sensors.
+    pub sensors: Sensors,
+    /// The analog chain.
+    pub frontend: Frontend,
+    /// The converter.
+    pub adc: Adc,
+    /// Switches of the noise.
+    pub noise: Noise,
+    /// Recordings: the mounting of their sensors.
+    pub mounting: Mounting,
+    /// What the device's EEPROM says, where it is not the nominal device in the scenario's field.
+    pub calibration: CalibrationOverride,
+    /// Limits of the verdict.
+    pub tolerance: Tolerance,
+}
+
+/// What moves the device.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Motion {
+    /// Which of the motions runs.
+    pub kind: MotionKind,
+    /// The synthetic tumble.
+    pub tumble: Tumble,
+    /// The static grid.
+    #[serde(rename = "static")]
+    pub grid: Grid,
+    /// The recording.
+    pub recording: RecordingChoice,
+}
+
+/// The motions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum MotionKind {
+    /// Seeded synthetic tumble.
+    #[default]
+    Tumble,
+    /// Rests at a grid of attitudes.
+    Static,
+    /// Recorded specific force and field.
+    Recording,
+}
+
+impl MotionKind {
+    /// As in the scenario file.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            MotionKind::Tumble => "tumble",
+            MotionKind::Static => "static",
+            MotionKind::Recording => "recording",
+        }
+    }
+}
+
+/// Which recording runs and how it is read.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct RecordingChoice {
+    /// CSV file, plain or compressed with gzip.
+    pub file: Option<PathBuf>,
+    /// Local gravity in m/s^2; without it, the recording's own at rest.
+    pub gravity_m_s2: Option<f64>,
+}
+
+/// The Earth's field; for a recording only what is explicit counts.
+#[derive(Clone, Debug, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Field {
+    /// A site of the table, used where components are not explicit.
+    pub site: String,
+    /// Explicit horizontal component in microtesla.
+    pub horizontal_ut: Option<f64>,
+    /// Explicit downward component in microtesla.
+    pub vertical_ut: Option<f64>,
+}
+
+impl Default for Field {
+    fn default() -> Self {
+        Self {
+            site: "montpellier-2026".into(),
+            horizontal_ut: None,
+            vertical_ut: None,
+        }
+    }
+}
+
+impl Field {
+    /// The explicit field, if both components are.
+    #[must_use]
+    pub fn explicit(&self) -> Option<EarthField> {
+        let (horizontal_ut, vertical_ut) = (self.horizontal_ut?, self.vertical_ut?);
+        Some(EarthField {
+            horizontal_ut,
+            vertical_ut,
+        })
+    }
+
+    /// The field of a synthetic motion: explicit, else the site's.
+    #[must_use]
+    pub fn resolve(&self) -> Option<EarthField> {
+        self.explicit().or_else(|| field::site(&self.site))
+    }
+}
+
+/// The sensors.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sensors {
+    /// Convective accelerometers.
+    pub accelerometer: Accelerometer,
+    /// Lorentz magnetometers.
+    pub magnetometer: Magnetometer,
+}
+
+/// Switches of the noise.
+#[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Noise {
+    /// All noise on or off: sensors, amplifiers, switches, converter.
+    pub enabled: bool,
+}
+
+impl Default for Noise {
+    fn default() -> Self {
+        Self { enabled: true }
+    }
+}
+
+/// Explicit calibration; each key present replaces the nominal value.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct CalibrationOverride {
+    /// Averages at zero g, fractions of full scale.
+    pub tilt_offset: Option<[f64; 2]>,
+    /// Gravity along body x, y in g per full scale.
+    pub tilt_matrix: Option<[[f64; 2]; 2]>,
+    /// Averages at zero field, fractions of full scale.
+    pub field_offset: Option<[f64; 2]>,
+    /// Field along body x, y over |B| per full scale.
+    pub field_matrix: Option<[[f64; 2]; 2]>,
+    /// Horizontal field in microtesla, as the device believes it.
+    pub horizontal_ut: Option<f64>,
+    /// Downward field in microtesla, as the device believes it.
+    pub vertical_ut: Option<f64>,
+}
+
+/// Limits of the verdict.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Tolerance {
+    /// Largest difference between golden and native per node, in the node's unit.
+    pub nodes: BTreeMap<String, f64>,
+    /// Limits of the error against truth; absent: reported, not judged.
+    pub truth: TruthTolerance,
+}
+
+/// Limits of the rotation angle between output and true attitude.
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct TruthTolerance {
+    /// Root mean square in degrees.
+    pub rms_deg: Option<f64>,
+    /// Maximum in degrees.
+    pub max_deg: Option<f64>,
+}
+
+impl Default for Scenario {
+    fn default() -> Self {
+        Self {
+            name: String::new(),
+            about: String::new(),
+            seconds: 12.0,
+            motion: Motion::default(),
+            field: Field::default(),
+            sensors: Sensors::default(),
+            frontend: Frontend::default(),
+            adc: Adc::default(),
+            noise: Noise::default(),
+            mounting: Mounting::default(),
+            calibration: CalibrationOverride::default(),
+            tolerance: Tolerance::default(),
+        }
+    }
+}
+
+impl Scenario {
+    /// The bundled scenario `name`, else the scenario file of that path.
+    ///
+    /// # Errors
+    /// Unknown name, unreadable file, syntax, unknown key, inadmissible value.
+    pub fn load(name: &str) -> Result<Self, Error> {
+        if let Some((_, text)) = BUNDLED.iter().find(|(known, _)| *known == name) {
+            return Self::parse(text, &format!("bundled scenario {name}"), name);
+        }
+        let path = Path::new(name);
+        if !path.exists() {
+            return Err(unknown(name));
+        }
+        let text = std::fs::read_to_string(path).map_err(|reason| Error::Unreadable {
+            path: path.into(),
+            reason,
+        })?;
+        let stem = path
+            .file_stem()
+            .map_or(name.into(), |stem| stem.to_string_lossy());
+        Self::parse(&text, &path.display().to_string(), &stem)
+    }
+
+    /// The default scenario with its motion replaced by a recording; the run is as long as that.
+    #[must_use]
+    pub fn with_recording(mut self, file: &Path) -> Self {
+        self.motion.kind = MotionKind::Recording;
+        self.motion.recording.file = Some(file.into());
+        self.seconds = MOST_SECONDS;
+        self
+    }
+
+    /// Reads and checks a scenario; `file` is for messages, `name` unless the text says another.
+    ///
+    /// # Errors
+    /// Syntax, unknown key, inadmissible value: with line, column and how to mend it.
+    pub fn parse(text: &str, file: &str, name: &str) -> Result<Self, Error> {
+        let mut scenario: Scenario =
+            toml::from_str(text).map_err(|error| syntax::explain(&error, text, file))?;
+        if scenario.name.is_empty() {
+            scenario.name = name.into();
+        }
+        scenario
+            .check()
+            .map_err(|error| syntax::place(error, text, file))?;
+        Ok(scenario)
+    }
+
+    /// All numeric parameters with their present values, in file order.
+    #[must_use]
+    pub fn parameters(&self) -> Vec<Parameter> {
+        let tables: [&dyn Parameters; 6] = [
+            &self.motion.tumble,
+            &self.motion.grid,
+            &self.sensors.accelerometer,
+            &self.sensors.magnetometer,
+            &self.frontend,
+            &self.adc,
+        ];
+        tables.iter().flat_map(|table| table.list()).collect()
+    }
+
+    /// Parameters of the hardware whose present value is not a published one.
+    #[must_use]
+    pub fn assumed_parameters(&self) -> Vec<Parameter> {
+        let is_assumed = |p: &Parameter| match p.origin {
+            Origin::Assumed(_) => true,
+            Origin::Published(_) => p.value != p.default,
+            Origin::Setting => false,
+        };
+        self.parameters().into_iter().filter(is_assumed).collect()
+    }
+
+    /// Checks every value; `place` in the error is left for the caller to fill.
+    ///
+    /// # Errors
+    /// The first inadmissible value, with its key and range.
+    pub fn check(&self) -> Result<(), Error> {
+        for p in self.parameters() {
+            if !p.is_admissible() {
+                let key = format!("{}.{}", p.section, p.key);
+                let expected = format!("{} to {} {}", p.least, p.most, p.unit);
+                return Err(range(&key, p.value, &expected));
+            }
+        }
+        let seconds_expected = format!("more than 0 and at most {MOST_SECONDS} s");
+        within(
+            "seconds",
+            Some(self.seconds),
+            f64::MIN_POSITIVE,
+            MOST_SECONDS,
+            &seconds_expected,
+        )?;
+        self.check_field()?;
+        self.check_calibration()?;
+        self.check_tolerance()?;
+        let gravity = self.motion.recording.gravity_m_s2;
+        within(
+            "motion.recording.gravity_m_s2",
+            gravity,
+            9.7,
+            9.9,
+            "9.7 to 9.9 m/s^2",
+        )?;
+        if !self.mounting.is_rotation() {
+            let axes = [
+                self.mounting.x_body,
+                self.mounting.y_body,
+                self.mounting.z_body,
+            ];
+            let found = axes.map(|axis| axis.name()).join(", ");
+            return Err(range(
+                "mounting",
+                found,
+                "a right-handed set of three different axes",
+            ));
+        }
+        if self.motion.kind == MotionKind::Recording && self.motion.recording.file.is_none() {
+            let expected = "motion.recording.file, or the option --recording";
+            return Err(range("motion.kind", "recording", expected));
+        }
+        Ok(())
+    }
+
+    fn check_field(&self) -> Result<(), Error> {
+        let Field {
+            site,
+            horizontal_ut,
+            vertical_ut,
+        } = &self.field;
+        within(
+            "field.horizontal_ut",
+            *horizontal_ut,
+            0.1,
+            100.0,
+            "0.1 to 100 uT",
+        )?;
+        within(
+            "field.vertical_ut",
+            *vertical_ut,
+            -100.0,
+            100.0,
+            "-100 to 100 uT",
+        )?;
+        if horizontal_ut.is_some() != vertical_ut.is_some() {
+            let (given, other) = match horizontal_ut {
+                Some(_) => ("field.horizontal_ut", "field.vertical_ut"),
+                None => ("field.vertical_ut", "field.horizontal_ut"),
+            };
+            return Err(range(given, "given alone", &format!("{other} beside it")));
+        }
+        if field::site(site).is_none() {
+            let sites = field::SITES.map(|(name, _)| name).join(", ");
+            return Err(range("field.site", site, &format!("one of {sites}")));
+        }
+        Ok(())
+    }
+
+    fn check_calibration(&self) -> Result<(), Error> {
+        let c = &self.calibration;
+        let pair = |key: &str, values: Option<[f64; 2]>, most: f64| {
+            let expected = format!("-{most} to {most}");
+            values
+                .iter()
+                .flatten()
+                .try_for_each(|v| within(key, Some(*v), -most, most, &expected))
+        };
+        pair("calibration.tilt_offset", c.tilt_offset, 1.0)?;
+        pair("calibration.field_offset", c.field_offset, 1.0)?;
+        for row in c.tilt_matrix.iter().flatten() {
+            pair("calibration.tilt_matrix", Some(*row), 7.99)?;
+        }
+        for row in c.field_matrix.iter().flatten() {
+            pair("calibration.field_matrix", Some(*row), 7.99)?;
+        }
+        within(
+            "calibration.horizontal_ut",
+            c.horizontal_ut,
+            0.1,
+            100.0,
+            "0.1 to 100 uT",
+        )?;
+        within(
+            "calibration.vertical_ut",
+            c.vertical_ut,
+            -100.0,
+            100.0,
+            "-100 to 100 uT",
+        )
+    }
+
+    fn check_tolerance(&self) -> Result<(), Error> {
+        for (node, limit) in &self.tolerance.nodes {
+            let key = format!("tolerance.nodes.{node}");
+            within(
+                &key,
+                Some(*limit),
+                0.0,
+                f64::MAX,
+                "0 or more, in the node's unit",
+            )?;
+        }
+        let truth = &self.tolerance.truth;
+        within(
+            "tolerance.truth.rms_deg",
+            truth.rms_deg,
+            0.0,
+            180.0,
+            "0 to 180 deg",
+        )?;
+        within(
+            "tolerance.truth.max_deg",
+            truth.max_deg,
+            0.0,
+            180.0,
+            "0 to 180 deg",
+        )
+    }
+}
+
+fn within(
+    key: &str,
+    value: Option<f64>,
+    least: f64,
+    most: f64,
+    expected: &str,
+) -> Result<(), Error> {
+    match value {
+        Some(v) if !(least <= v && v <= most) => Err(range(key, v, expected)),
+        _ => Ok(()),
+    }
+}
+
+fn range(key: &str, value: impl std::fmt::Display, expected: &str) -> Error {
+    Error::Range {
+        place: "scenario".into(),
+        key: key.into(),
+        value: value.to_string(),
+        expected: expected.into(),
+    }
+}
+
+fn unknown(name: &str) -> Error {
+    let names = BUNDLED.map(|(name, _)| name);
+    let hint = match syntax::nearest(name, &names) {
+        Some(near) => format!("did you mean '{near}'?"),
+        None => "name one of them or give the path of a scenario file".into(),
+    };
+    Error::UnknownScenario {
+        name: name.into(),
+        bundled: names.join(", "),
+        hint,
+    }
+}

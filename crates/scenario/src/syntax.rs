@@ -1,0 +1,101 @@
+//! Turns errors of the TOML reader and of range checks into messages with place and remedy.
+
+use toml::de::DeTable;
+
+use crate::error::Error;
+
+/// Line and column, both from 1, of a byte offset.
+fn position(text: &str, offset: usize) -> (usize, usize) {
+    let before = &text[..text.floor_char_boundary(offset)];
+    let line_start = before.rfind('\n').map_or(0, |at| at + 1);
+    (
+        before.matches('\n').count() + 1,
+        before[line_start..].chars().count() + 1,
+    )
+}
+
+/// The TOML reader's error with place and, for an unknown key, the nearest known one.
+pub(crate) fn explain(error: &toml::de::Error, text: &str, file: &str) -> Error {
+    let (line, column) = position(text, error.span().map_or(0, |span| span.start));
+    let message = match suggestion(error.message()) {
+        Some(suggestion) => suggestion,
+        None => error.message().trim().to_string(),
+    };
+    Error::Syntax {
+        file: file.into(),
+        line,
+        column,
+        message,
+    }
+}
+
+/// For serde's "unknown field `x`, expected one of `a`, `b`": a message that names the nearest.
+fn suggestion(message: &str) -> Option<String> {
+    let kind = ["unknown field", "unknown variant"]
+        .into_iter()
+        .find(|k| message.starts_with(k))?;
+    let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let (found, known) = quoted.split_first()?;
+    let what = if kind == "unknown field" {
+        "key"
+    } else {
+        "value"
+    };
+    let hint =
+        nearest(found, known).map_or(String::new(), |near| format!("did you mean '{near}'? "));
+    Some(format!(
+        "unknown {what} '{found}'; {hint}known here: {}",
+        known.join(", ")
+    ))
+}
+
+/// The known word most like `found`, if any is like it at all.
+pub(crate) fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
+    let likeness = |word: &&str| strsim::jaro_winkler(found, word);
+    known
+        .iter()
+        .map(|word| (likeness(word), *word))
+        .filter(|(likeness, _)| *likeness > 0.7)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, word)| word)
+}
+
+/// Fills the place of a range error with file and line of its key.
+pub(crate) fn place(error: Error, text: &str, file: &str) -> Error {
+    match error {
+        Error::Range {
+            key,
+            value,
+            expected,
+            ..
+        } => {
+            let place = match line_of(text, &key) {
+                Some(line) => format!("{file}, line {line}"),
+                None => file.to_string(),
+            };
+            Error::Range {
+                place,
+                key,
+                value,
+                expected,
+            }
+        }
+        other => other,
+    }
+}
+
+/// The line on which the dotted `key` is set.
+fn line_of(text: &str, key: &str) -> Option<usize> {
+    let document = DeTable::parse(text).ok()?;
+    let mut table = document.get_ref();
+    let mut offset = None;
+    for part in key.split('.') {
+        let (name, value) = table.iter().find(|(name, _)| name.get_ref() == part)?;
+        offset = Some(name.span().start);
+        match value.get_ref().as_table() {
+            Some(inner) => table = inner,
+            None => break,
+        }
+    }
+    offset.map(|offset| position(text, offset).0)
+}
