@@ -11,4 +11,6 @@ pub(crate) mod port;
 pub(crate) mod prescaler;
 pub(crate) mod timer;
 pub(crate) mod timer_mode;
+#[cfg(test)]
+mod timer_tests;
 pub(crate) mod usart;
