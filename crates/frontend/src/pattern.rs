@@ -11,13 +11,44 @@ use crate::chain::{Chain, HOLD, STATES, SWITCH_SETS};
 use crate::matrix::{self, Vector};
 use crate::propagate::{INPUTS, Linear, Step};
 
-/// A part of a pattern.
+/// A part of a pattern, in one word so that patterns are compared and hashed quickly.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub enum Segment {
+pub struct Segment(u64);
+
+/// What a segment stands for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Meaning {
     /// A switch set, held for a number of cycles.
-    Held(u8, u32),
+    Held(u8, u64),
     /// Hold switch 0 (H+) or 1 (H-) opens.
     Opened(u8),
+}
+
+impl Segment {
+    const OPENED: u64 = 0x80;
+
+    /// A switch set, held for a number of cycles under 2^56.
+    #[must_use]
+    pub fn held(switches: u8, cycles: u64) -> Self {
+        Self(cycles << 8 | u64::from(switches))
+    }
+
+    /// Hold switch 0 (H+) or 1 (H-) opens.
+    #[must_use]
+    pub fn opened(side: u8) -> Self {
+        Self(Self::OPENED | u64::from(side))
+    }
+
+    /// What it stands for.
+    #[must_use]
+    pub fn meaning(self) -> Meaning {
+        let low = (self.0 & 0x7f) as u8;
+        if self.0 & Self::OPENED != 0 {
+            Meaning::Opened(low)
+        } else {
+            Meaning::Held(low, self.0 >> 8)
+        }
+    }
 }
 
 /// Patterns kept before all are dropped: a bound for firmware whose edges never recur.
@@ -42,6 +73,8 @@ pub struct Patterns {
     segments: FxHashMap<Segment, Step<STATES>>,
     known: FxHashMap<Box<[Segment]>, usize>,
     composed: Vec<Composed>,
+    /// The pattern used last, which often comes again.
+    last: (Vec<Segment>, usize),
 }
 
 impl Patterns {
@@ -56,6 +89,7 @@ impl Patterns {
             segments: FxHashMap::default(),
             known: FxHashMap::default(),
             composed: Vec::new(),
+            last: (Vec::new(), 0),
         }
     }
 
@@ -67,9 +101,19 @@ impl Patterns {
 
     /// The step of a pattern, composed if new.
     pub fn get(&mut self, pattern: &[Segment]) -> &Composed {
-        if let Some(index) = self.known.get(pattern) {
-            return &self.composed[*index];
+        if self.last.0 != pattern || self.composed.is_empty() {
+            let index = match self.known.get(pattern) {
+                Some(index) => *index,
+                None => self.compose(pattern),
+            };
+            self.last.0.clear();
+            self.last.0.extend_from_slice(pattern);
+            self.last.1 = index;
         }
+        &self.composed[self.last.1]
+    }
+
+    fn compose(&mut self, pattern: &[Segment]) -> usize {
         if self.composed.len() >= MOST_PATTERNS {
             self.known.clear();
             self.composed.clear();
@@ -83,7 +127,7 @@ impl Patterns {
         let index = self.composed.len();
         self.known.insert(pattern.into(), index);
         self.composed.push(Composed { step, noise });
-        &self.composed[index]
+        index
     }
 
     fn segment(&mut self, segment: Segment) -> &Step<STATES> {
@@ -94,16 +138,18 @@ impl Patterns {
             segments,
             ..
         } = self;
-        segments.entry(segment).or_insert_with(|| match segment {
-            Segment::Held(set, cycles) => {
-                Step::over(&systems[usize::from(set)], f64::from(cycles) * *cycle_s)
-            }
-            Segment::Opened(side) => {
-                let mut jump = Step::none();
-                let constant = &mut jump.gamma[INPUTS - 1];
-                constant[HOLD + usize::from(side)] = jumps_v[usize::from(side)];
-                jump
-            }
-        })
+        segments
+            .entry(segment)
+            .or_insert_with(|| match segment.meaning() {
+                Meaning::Held(set, cycles) => {
+                    Step::over(&systems[usize::from(set)], cycles as f64 * *cycle_s)
+                }
+                Meaning::Opened(side) => {
+                    let mut jump = Step::none();
+                    let constant = &mut jump.gamma[INPUTS - 1];
+                    constant[HOLD + usize::from(side)] = jumps_v[usize::from(side)];
+                    jump
+                }
+            })
     }
 }

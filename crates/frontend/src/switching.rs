@@ -133,7 +133,7 @@ impl Switching {
                 return;
             }
             let next = until.min(next_edge).min(self.opens[0]).min(self.opens[1]);
-            segments.push(Segment::Held(self.switches, (next - self.now) as u32));
+            segments.push(Segment::held(self.switches, next - self.now));
             self.now = next;
         }
     }
@@ -143,7 +143,7 @@ impl Switching {
             if self.opens[side] <= self.now {
                 self.opens[side] = OPEN;
                 self.switches &= !closed;
-                segments.push(Segment::Opened(side as u8));
+                segments.push(Segment::opened(side as u8));
             }
         }
     }
@@ -201,16 +201,15 @@ mod tests {
         let mut tilt = Switching::new(Pin::Strobe, 16);
         let mut segments = Vec::new();
         tilt.collect(60, &edges, &mut segments);
-        use Segment::{Held, Opened};
         let expected = [
-            Held(0, 10),
-            Held(1, 10),
-            Held(1 | 4, 16),
-            Opened(1),
-            Held(1, 4),
-            Held(1 | 2, 16),
-            Opened(0),
-            Held(1, 4),
+            Segment::held(0, 10),
+            Segment::held(1, 10),
+            Segment::held(1 | 4, 16),
+            Segment::opened(1),
+            Segment::held(1, 4),
+            Segment::held(1 | 2, 16),
+            Segment::opened(0),
+            Segment::held(1, 4),
         ];
         assert_eq!(segments, expected);
         let mut field = Switching::new(Pin::Carrier, 16);
@@ -218,7 +217,12 @@ mod tests {
         field.collect(30, &edges, &mut segments);
         assert_eq!(
             segments,
-            [Held(0, 10), Held(1 | 4, 16), Opened(1), Held(1, 4)]
+            [
+                Segment::held(0, 10),
+                Segment::held(1 | 4, 16),
+                Segment::opened(1),
+                Segment::held(1, 4)
+            ]
         );
     }
 
@@ -235,15 +239,14 @@ mod tests {
         let mut field = Switching::new(Pin::Carrier, 10);
         let mut segments = Vec::new();
         field.collect(30, &edges, &mut segments);
-        use Segment::{Held, Opened};
         let expected = [
-            Held(1 | 4, 4),
-            Held(2 | 4, 4),
-            Held(1 | 2 | 4, 6),
-            Opened(0),
-            Held(1 | 4, 4),
-            Opened(1),
-            Held(1, 12),
+            Segment::held(1 | 4, 4),
+            Segment::held(2 | 4, 4),
+            Segment::held(1 | 2 | 4, 6),
+            Segment::opened(0),
+            Segment::held(1 | 4, 4),
+            Segment::opened(1),
+            Segment::held(1, 12),
         ];
         assert_eq!(segments, expected);
     }

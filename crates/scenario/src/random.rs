@@ -1,7 +1,10 @@
 //! Seeded random streams: one independent ChaCha stream per source of randomness.
 //!
 //! Bit-reproducible on every host: ChaCha is integer arithmetic, the normal distribution uses
-//! exact operations and the `libm` crate only.
+//! exact operations and the `libm` crate only. It is Marsaglia and Tsang's ziggurat in Doornik's
+//! form (2005): layers of equal area under exp(-x^2/2), most draws cost one comparison.
+
+use std::sync::LazyLock;
 
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
@@ -37,8 +40,27 @@ impl Source {
 #[derive(Clone, Debug)]
 pub struct Random {
     bits: ChaCha8Rng,
-    spare: Option<f64>,
 }
+
+/// Layers of the ziggurat.
+const LAYERS: usize = 256;
+/// Where its tail begins: the edge at which 256 layers of equal area close at the top.
+const TAIL: f64 = 3.654_152_885_361_008_8;
+
+/// Right edges of the layers, the widest first, and the share of each that lies under the next.
+static ZIGGURAT: LazyLock<[(f64, f64); LAYERS]> = LazyLock::new(|| {
+    let density = |x: f64| libm::exp(-0.5 * x * x);
+    let tail_area = (std::f64::consts::PI / 2.0).sqrt() * libm::erfc(TAIL * 0.5_f64.sqrt());
+    let area = TAIL * density(TAIL) + tail_area;
+    let mut edges = [0.0; LAYERS + 1];
+    edges[0] = area / density(TAIL);
+    edges[1] = TAIL;
+    for i in 2..LAYERS {
+        let before = edges[i - 1];
+        edges[i] = (-2.0 * libm::log(area / before + density(before))).sqrt();
+    }
+    std::array::from_fn(|i| (edges[i], edges[i + 1] / edges[i]))
+});
 
 impl Random {
     /// The stream of `source` under the run's `seed`.
@@ -46,7 +68,7 @@ impl Random {
     pub fn new(seed: u64, source: Source) -> Self {
         let mut bits = ChaCha8Rng::seed_from_u64(seed);
         bits.set_stream(source.stream());
-        Self { bits, spare: None }
+        Self { bits }
     }
 
     /// The same stream from the start of its `index`-th block of 16 words: random access.
@@ -54,7 +76,7 @@ impl Random {
     pub fn at_block(&self, index: u64) -> Self {
         let mut bits = self.bits.clone();
         bits.set_word_pos(u128::from(index) * 16);
-        Self { bits, spare: None }
+        Self { bits }
     }
 
     /// Uniform in [0, 1), 53 bits.
@@ -62,21 +84,58 @@ impl Random {
         (self.bits.next_u64() >> 11) as f64 / (1_u64 << 53) as f64
     }
 
-    /// Normal with mean 0 and variance 1 (Marsaglia's polar method, both values used).
+    /// Normal with mean 0 and variance 1.
+    #[inline]
     pub fn normal(&mut self) -> f64 {
-        if let Some(value) = self.spare.take() {
-            return value;
+        let bits = self.bits.next_u64();
+        let layer = (bits & 0xff) as usize;
+        let u = signed_unit(bits);
+        let (edge, inner) = ZIGGURAT[layer];
+        if u.abs() < inner {
+            u * edge
+        } else {
+            self.normal_outside(layer, u)
         }
+    }
+
+    /// The rare draws beside the next layer: the tail, or the wedge under the curve.
+    #[cold]
+    fn normal_outside(&mut self, mut layer: usize, mut u: f64) -> f64 {
         loop {
-            let (u, v) = (2.0 * self.uniform() - 1.0, 2.0 * self.uniform() - 1.0);
-            let s = u * u + v * v;
-            if s > 0.0 && s < 1.0 {
-                let scale = (-2.0 * libm::log(s) / s).sqrt();
-                self.spare = Some(v * scale);
-                return u * scale;
+            let (edge, inner) = ZIGGURAT[layer];
+            let x = u * edge;
+            if u.abs() < inner {
+                return x;
+            }
+            if layer == 0 {
+                return self.tail().copysign(u);
+            }
+            let next = edge * inner;
+            let low = libm::exp(-0.5 * (edge * edge - x * x));
+            let high = libm::exp(-0.5 * (next * next - x * x));
+            if low + self.uniform() * (high - low) < 1.0 {
+                return x;
+            }
+            let bits = self.bits.next_u64();
+            (layer, u) = ((bits & 0xff) as usize, signed_unit(bits));
+        }
+    }
+
+    /// A normal number beyond the tail's begin.
+    fn tail(&mut self) -> f64 {
+        loop {
+            let x = -libm::log(1.0 - self.uniform()) / TAIL;
+            let y = -libm::log(1.0 - self.uniform());
+            if 2.0 * y > x * x {
+                return TAIL + x;
             }
         }
     }
+}
+
+/// The upper 53 bits as a number in [-1, 1).
+fn signed_unit(bits: u64) -> f64 {
+    (bits >> 11) as f64 / (1_u64 << 52) as f64 - 1.0
 }
 
 #[cfg(test)]
@@ -101,6 +160,26 @@ mod tests {
                 .zip([(0.0, 0.009), (1.0, 0.013), (0.0, 0.035), (3.0, 0.09)])
         {
             assert!((moment - expected).abs() < limit, "{moments:?}");
+        }
+    }
+
+    #[test]
+    fn normal_numbers_fall_into_every_range_as_often_as_the_error_function_says() {
+        let mut random = Random::new(21, Source::Channel(1));
+        let n = 2_000_000_u32;
+        let edges = [0.0, 0.2, 0.5, 1.0, 1.7, 2.5, 3.2, 3.7, 4.5];
+        let mut counts = [0_u32; 8];
+        for _ in 0..n {
+            let x = random.normal().abs();
+            if let Some(bin) = edges.windows(2).position(|e| (e[0]..e[1]).contains(&x)) {
+                counts[bin] += 1;
+            }
+        }
+        let below = |x: f64| libm::erf(x * 0.5_f64.sqrt());
+        for (range, count) in edges.windows(2).zip(counts) {
+            let expected = f64::from(n) * (below(range[1]) - below(range[0]));
+            let deviations = (f64::from(count) - expected) / expected.sqrt();
+            assert!(deviations.abs() < 4.5, "{range:?}: {count} of {expected}");
         }
     }
 
