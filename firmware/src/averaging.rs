@@ -62,6 +62,11 @@ impl<M: Arithmetic> Averager<M> {
         self.channel
     }
 
+    /// True once the warm-up is over.
+    pub const fn is_settled(&self) -> bool {
+        self.warm_up == 0
+    }
+
     /// Takes the next conversion. Returns the sums when a solution's conversions are complete.
     #[inline(always)]
     pub fn push(&mut self, m: &M, code: AdcCode) -> Option<Sums<M>> {

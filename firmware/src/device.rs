@@ -13,7 +13,8 @@ use crate::frame::Frame;
 use crate::hal::{Serial, TriggeredAdc};
 
 /// One sample interrupt: takes the result, selects the next channel, re-arms the trigger. Returns
-/// the sums when a solution's conversions are complete, and whether the trigger came late.
+/// the sums when a solution's conversions are complete, and whether the trigger came late (the first
+/// conversion after reset takes longer than the others, so that the warm-up does not count).
 #[inline(always)]
 pub fn sample<M: Arithmetic>(
     m: &M,
@@ -21,9 +22,10 @@ pub fn sample<M: Arithmetic>(
     adc: &mut impl TriggeredAdc,
 ) -> (Option<Sums<M>>, bool) {
     let code = adc.result();
+    let settled = averager.is_settled();
     let sums = averager.push(m, code);
     adc.select(averager.channel());
-    (sums, !adc.rearm())
+    (sums, !adc.rearm() && settled)
 }
 
 /// The solver with its state: from sums to frames.

@@ -1,1 +1,13 @@
 //! The breadboard: wires scenario, sensors, front end, emulator, firmware and golden model.
+//!
+//! The only crate that sees the analog side, the emulator, the firmware and the golden model at
+//! once. An [`App`] is an algorithm with its board, golden model and nodes; an [`Engine`] runs it in
+//! one of its interpretations and shows what happens to a [`Sink`].
+
+pub mod app;
+pub mod attitude;
+mod engine;
+pub mod image;
+
+pub use app::App;
+pub use engine::{Conversion, Conversions, Engine, EngineError, Sink, SinkError, Summary, Truth};

@@ -13,17 +13,15 @@ const REFERENCE_AVCC: u8 = 1 << 6;
 /// 249 of the next period. A count in between means that it has passed.
 const PASSED: core::ops::Range<u16> = timing::STROBE_COUNT + 1..480;
 
-/// Enables the converter on channel 0 and lets one conversion go by: the first after enabling takes
-/// 25 clocks, which no later one shall. Then Timer1 compare match B triggers.
+/// Enables the converter on channel 0; Timer1 compare match B triggers. The first conversion takes
+/// 25 clocks instead of 13.5; it lies in the warm-up.
 pub fn initialise(adc: &ADC) {
     adc.admux().write(|w| unsafe { w.bits(REFERENCE_AVCC) });
     // Digital input buffers off on the four analog pins.
     adc.didr0().write(|w| unsafe { w.bits(0x0f) });
-    adc.adcsra().write(|w| w.aden().set_bit().adsc().set_bit().adps().prescaler_128());
-    while adc.adcsra().read().adsc().bit_is_set() {}
     adc.adcsrb().write(|w| w.adts().set(0b101));
     adc.adcsra().write(|w| {
-        w.aden().set_bit().adate().set_bit().adif().set_bit().adie().set_bit().adps().prescaler_128()
+        w.aden().set_bit().adate().set_bit().adie().set_bit().adps().prescaler_128()
     });
 }
 

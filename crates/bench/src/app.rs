@@ -1,0 +1,108 @@
+//! An application: one algorithm with its golden model, board, sensors and nodes.
+
+use cardan_datapath::{Format, NodeInfo};
+use cardan_scenario::Scenario;
+
+use crate::attitude::Attitude;
+use crate::engine::Engine;
+use crate::image::Firmware;
+
+/// What a run is made of, as the emulated participant decides it and the others are told.
+#[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
+pub struct Configuration {
+    /// Words of the calibration in the device's EEPROM.
+    pub calibration: Vec<i32>,
+    /// Solutions of the run.
+    pub solutions: u64,
+}
+
+/// What the golden engine is fed with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Feed {
+    /// The converter's codes.
+    Codes,
+    /// The voltages at the hold instants.
+    IdealVolts,
+    /// The readings of memoryless ideal sensors.
+    Direct,
+}
+
+/// How closely a node must agree, and why that is the measure.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Tolerance {
+    /// Node.
+    pub node: &'static str,
+    /// Largest absolute difference in the node's unit.
+    pub max_abs: f64,
+    /// Reason.
+    pub reason: &'static str,
+}
+
+/// An application.
+pub trait App {
+    /// Name, as in `--app`.
+    fn name(&self) -> &'static str;
+    /// Nodes with their deployed formats.
+    fn nodes(&self) -> &'static [NodeInfo];
+    /// Hash of the deployed formats.
+    fn formats_hash(&self) -> u64;
+    /// Index of each golden node among [`App::nodes`].
+    fn golden_nodes(&self) -> Vec<usize>;
+    /// Bundled tolerances.
+    fn tolerances(&self) -> &'static [Tolerance];
+    /// Seconds from one solution to the next.
+    fn solution_seconds(&self) -> f64;
+    /// The bundled image, with taps or without.
+    fn bundled(&self, tapped: bool) -> Option<&'static [u8]>;
+    /// The emulated device in its scenario.
+    ///
+    /// # Errors
+    /// A scenario or image that cannot run.
+    fn emulated(
+        &self,
+        scenario: &Scenario,
+        seed: u64,
+        seconds: f64,
+        firmware: &Firmware,
+    ) -> Result<(Configuration, Box<dyn Engine>), String>;
+    /// The firmware on the host: deployed, or in other formats on the tunable arithmetic.
+    ///
+    /// # Errors
+    /// Formats that cannot be computed in.
+    fn native(
+        &self,
+        configuration: &Configuration,
+        formats: Option<&[Format]>,
+    ) -> Result<Box<dyn Engine>, String>;
+    /// The same algorithm where only nodes below `quantised` are rounded: 0 is the real
+    /// interpretation, all nodes the deployed one.
+    ///
+    /// # Errors
+    /// Formats that cannot be computed in.
+    fn real(
+        &self,
+        configuration: &Configuration,
+        quantised: usize,
+        formats: Option<&[Format]>,
+    ) -> Result<Box<dyn Engine>, String>;
+    /// The golden model.
+    fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine>;
+    /// Attitude in half turns (yaw, pitch, roll) and status bits of a frame, if it is whole.
+    fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)>;
+    /// Nodes that hold yaw, pitch and roll.
+    fn attitude_nodes(&self) -> [usize; 3];
+}
+
+/// All applications.
+pub const APPS: [&dyn App; 1] = [&Attitude];
+
+/// The application of that name.
+///
+/// # Errors
+/// An unknown name; the message lists the known ones.
+pub fn by_name(name: &str) -> Result<&'static dyn App, String> {
+    APPS.into_iter().find(|app| app.name() == name).ok_or_else(|| {
+        let names: Vec<&str> = APPS.iter().map(|app| app.name()).collect();
+        format!("--app {name}: no such application; expected one of: {}", names.join(", "))
+    })
+}

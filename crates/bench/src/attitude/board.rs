@@ -1,0 +1,223 @@
+//! The breadboard of the attitude sensor, wired like its schematic: the chip's pins PB1 (carrier)
+//! and PB2 (strobe) drive the front end, whose four outputs are ADC0..ADC3; PB5 shows when the
+//! firmware computes; the serial line ends in the sink.
+
+use cardan_emulator::{AnalogInput, Conversion as Converted, Environment, Pin};
+use cardan_frontend::{AdcErrors, Frontend, Pin as DrivenPin};
+use cardan_golden::{Angles, EarthField, angles_of, codes_of, ideal_readings};
+use cardan_scenario::Trajectory;
+use cardan_spec::calibration::Calibration;
+use cardan_spec::timing::{
+    CONVERSION_CYCLES, CONVERSIONS_PER_SOLUTION, CPU_HZ, SOLUTION_CYCLES, WARM_UP_SOLUTIONS,
+};
+use cardan_spec::{Channel, frame};
+use cardan_units::{Cycles, Volts};
+
+use crate::engine::{Conversion, Sink, SinkError, Truth};
+use crate::image::TapTable;
+use std::sync::Arc;
+
+/// Longest message kept while waiting for its delimiter: a text line or a broken frame.
+const LONGEST_MESSAGE: usize = 64;
+
+/// The pins by which the firmware drives the board.
+const CARRIER: Pin = Pin::b(1);
+const STROBE: Pin = Pin::b(2);
+const SOLVING: Pin = Pin::b(5);
+
+/// Everything outside the chip.
+pub(super) struct Board<'a> {
+    pub(super) frontend: Frontend<Arc<Trajectory>>,
+    pub(super) adc: AdcErrors,
+    pub(super) trajectory: Arc<Trajectory>,
+    pub(super) calibration: Calibration,
+    pub(super) taps: Option<TapTable>,
+    /// Which nodes are written in the sample interrupt, once per conversion.
+    pub(super) per_conversion: [usize; 2],
+    pub(super) sink: &'a mut dyn Sink,
+    /// Solutions of the run.
+    pub(super) solutions: u64,
+    pub(super) state: State,
+}
+
+/// What the board has seen so far.
+#[derive(Debug, Default)]
+pub(super) struct State {
+    conversions: u64,
+    last_hold: Option<u64>,
+    ideal: Option<(u64, f64)>,
+    hold_sum: u128,
+    sampled_writes: [u64; 2],
+    message: Vec<u8>,
+    pub(super) frames: u64,
+    pub(super) late: u64,
+    pub(super) lost: u64,
+    pub(super) missed_deadlines: u64,
+    /// Cycles at which the conversions of the solutions that are not finished were complete.
+    pending: std::collections::VecDeque<u64>,
+    pub(super) error: Option<SinkError>,
+}
+
+impl Board<'_> {
+    /// Conversions of the whole run, warm-up included.
+    pub(super) fn last_conversion(&self) -> u64 {
+        (WARM_UP_SOLUTIONS as u64 + self.solutions) * CONVERSIONS_PER_SOLUTION as u64
+    }
+
+    fn keep(&mut self, result: Result<(), SinkError>) {
+        if let Err(error) = result {
+            self.state.error.get_or_insert(error);
+        }
+    }
+
+    /// The bipolar code of memoryless ideal sensors, a group delay before `cycle`.
+    fn direct_code(&self, cycle: u64, channel: usize) -> f64 {
+        let t_s = Cycles(cycle).seconds(CPU_HZ) - self.frontend.design().group_delay_s();
+        let earth = EarthField::from(&self.calibration);
+        self.trajectory
+            .truth_at(t_s.max(0.0))
+            .and_then(|m| codes_of(&ideal_readings(&m, earth), &self.calibration))
+            .map_or(f64::NAN, |codes| codes[channel])
+    }
+
+    /// A solution's conversions are complete: its output instant is the centre of its hold
+    /// instants less the group delay.
+    fn complete(&mut self, done: u64) {
+        let mean = self.state.hold_sum as f64 / CONVERSIONS_PER_SOLUTION as f64;
+        self.state.hold_sum = 0;
+        self.state.pending.push_back(done);
+        let time_s = mean / CPU_HZ as f64 - self.frontend.design().group_delay_s();
+        let attitude = self.trajectory.truth_at(time_s.max(0.0));
+        let yaw_pitch_roll_rad = attitude.map(|m| {
+            let Angles { yaw, pitch, roll } = angles_of(&m);
+            [yaw.radians(), pitch.radians(), roll.radians()]
+        });
+        let result = self.sink.truth(&Truth { time_s, yaw_pitch_roll_rad });
+        self.keep(result);
+    }
+}
+
+impl Environment for Board<'_> {
+    fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
+        let driven = match pin {
+            CARRIER => DrivenPin::Carrier,
+            STROBE => DrivenPin::Strobe,
+            SOLVING if !level => {
+                // The deadline: done before the next solution's conversions are complete.
+                if let Some(complete) = self.state.pending.pop_front() {
+                    self.state.missed_deadlines += u64::from(cycle > complete + SOLUTION_CYCLES);
+                }
+                return;
+            }
+            _ => return,
+        };
+        let result = self.frontend.pin_edge(Cycles(cycle), driven, level);
+        self.keep(result.map_err(Into::into));
+    }
+
+    fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
+        let channel = match input {
+            AnalogInput::Pin(pin) => Channel::ALL.get(usize::from(pin)),
+            _ => None,
+        };
+        // Unconnected inputs read 0 V.
+        let Some(&channel) = channel else { return 0.0 };
+        match self.frontend.voltage(Cycles(cycle), channel) {
+            Ok(Volts(volts)) => {
+                self.state.ideal = Some((cycle, volts));
+                self.adc.apply(Volts(volts), self.state.conversions).0
+            }
+            Err(error) => {
+                self.keep(Err(error.into()));
+                0.0
+            }
+        }
+    }
+
+    fn conversion(&mut self, event: Converted) {
+        let sequence = self.state.conversions;
+        self.state.conversions += 1;
+        if sequence >= self.last_conversion() {
+            return;
+        }
+        let (AnalogInput::Pin(channel), Some((_, ideal_volts))) = (event.input, self.state.ideal.take())
+        else {
+            let what = format!(
+                "the firmware converted {:?}, where the attitude sensor has only ADC0 to ADC3",
+                event.input
+            );
+            return self.keep(Err(what.into()));
+        };
+        // The first conversion after enabling takes longer; from then on each follows its
+        // predecessor at exactly the conversion period.
+        let late = match self.state.last_hold {
+            Some(last) if sequence > 1 => event.hold_cycle != last + CONVERSION_CYCLES,
+            _ => false,
+        };
+        let lost = event.discarded || event.overwrote_unread;
+        self.state.last_hold = Some(event.hold_cycle);
+        self.state.late += u64::from(late);
+        self.state.lost += u64::from(lost);
+        let conversion = Conversion {
+            sequence,
+            cycle: event.hold_cycle,
+            channel,
+            code: event.code,
+            ideal_volts,
+            direct_code: self.direct_code(event.hold_cycle, usize::from(channel)),
+            late,
+            lost,
+        };
+        let result = self.sink.conversion(&conversion);
+        self.keep(result);
+        let per_solution = CONVERSIONS_PER_SOLUTION as u64;
+        if sequence >= WARM_UP_SOLUTIONS as u64 * per_solution {
+            self.state.hold_sum += u128::from(event.hold_cycle);
+            if (sequence + 1) % per_solution == 0 {
+                self.complete(event.done_cycle);
+            }
+        }
+    }
+
+    fn uart_tx(&mut self, cycle: u64, byte: u8) {
+        let message = &mut self.state.message;
+        message.push(byte);
+        if byte == frame::DELIMITER || byte == b'\n' && message.len() > frame::WIRE_LEN
+            || message.len() == LONGEST_MESSAGE
+        {
+            let bytes = std::mem::take(message);
+            if self.state.frames < self.solutions {
+                let result = self.sink.frame(cycle, &bytes);
+                self.keep(result);
+            }
+            self.state.frames += 1;
+        }
+    }
+
+    fn strobe(&mut self, cycle: u64, value: u8, data: &[u8]) {
+        let node = usize::from(value);
+        let Some(table) = self.taps else { return };
+        let start = table.address + 4 * node;
+        let word = match data.get(start..start + 4) {
+            Some(&[a, b, c, d]) if node < table.len => i32::from_le_bytes([a, b, c, d]),
+            _ => {
+                let what = format!("the firmware published node {node}, which its table lacks");
+                return self.keep(Err(what.into()));
+            }
+        };
+        // The interrupt goes on while the last solution is computed and sent.
+        if let Some(slot) = self.per_conversion.iter().position(|&index| index == node) {
+            let writes = &mut self.state.sampled_writes[slot];
+            *writes += 1;
+            if *writes > self.solutions * CONVERSIONS_PER_SOLUTION as u64 {
+                return;
+            }
+        }
+        let result = self.sink.word(node, i64::from(word), cycle);
+        self.keep(result);
+    }
+
+    fn stop_requested(&self) -> bool {
+        self.state.error.is_some() || self.state.frames >= self.solutions
+    }
+}

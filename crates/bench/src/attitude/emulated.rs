@@ -1,0 +1,118 @@
+//! The emulated chip on its breadboard as an engine.
+
+use std::sync::Arc;
+use std::time::Instant;
+
+use cardan_emulator::{ATMEGA328P, Machine, Stop};
+use cardan_firmware::calibration::encode;
+use cardan_firmware::nodes::{Accumulator, Sample};
+use cardan_frontend::{AdcErrors, Frontend};
+use cardan_scenario::{Scenario, Trajectory};
+use cardan_spec::calibration::{Calibration, LEN, WORDS};
+use cardan_spec::timing::{CPU_HZ, SOLUTION_CYCLES, WARM_UP_SOLUTIONS};
+
+use super::board::{Board, State};
+use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
+use crate::image::Firmware;
+
+/// Cycles after the last solution's conversions in which its frame must be out: computing takes
+/// less than one solution period, or the deadline is missed, and the frame a quarter of one.
+const LAST_FRAME_CYCLES: u64 = SOLUTION_CYCLES;
+
+/// A machine with its firmware, ready on a board.
+pub(super) struct EmulatedEngine {
+    machine: Machine,
+    firmware: Firmware,
+    frontend: Frontend<Arc<Trajectory>>,
+    adc: AdcErrors,
+    trajectory: Arc<Trajectory>,
+    calibration: Calibration,
+    solutions: u64,
+}
+
+impl EmulatedEngine {
+    pub(super) fn new(
+        scenario: &Scenario,
+        seed: u64,
+        trajectory: Arc<Trajectory>,
+        calibration: Calibration,
+        words: &[i32; WORDS],
+        solutions: u64,
+        firmware: &Firmware,
+    ) -> Result<Self, String> {
+        let frontend = Frontend::new(scenario, seed, Arc::clone(&trajectory))
+            .map_err(|error| format!("scenario {}: {error}", scenario.name))?;
+        let mut machine = Machine::new(&ATMEGA328P, CPU_HZ);
+        machine.load(&firmware.image);
+        machine.eeprom_mut()[..LEN].copy_from_slice(&encode(words));
+        Ok(Self {
+            machine,
+            firmware: firmware.clone(),
+            frontend,
+            adc: AdcErrors::new(scenario, seed),
+            trajectory,
+            calibration,
+            solutions,
+        })
+    }
+}
+
+impl Engine for EmulatedEngine {
+    fn run(&mut self, _: Conversions<'_>, sink: &mut dyn Sink) -> Result<Summary, EngineError> {
+        let started = Instant::now();
+        let mut board = Board {
+            frontend: self.frontend.clone(),
+            adc: self.adc.clone(),
+            trajectory: Arc::clone(&self.trajectory),
+            calibration: self.calibration,
+            taps: self.firmware.taps,
+            per_conversion: [index::<Sample>(), index::<Accumulator>()],
+            sink,
+            solutions: self.solutions,
+            state: State::default(),
+        };
+        let limit = (WARM_UP_SOLUTIONS as u64 + self.solutions) * SOLUTION_CYCLES + LAST_FRAME_CYCLES;
+        let stop = self.machine.run(&mut board, limit);
+        if let Some(error) = board.state.error.take() {
+            return Err(EngineError::Link(error));
+        }
+        let state = board.state;
+        let mut remarks: Vec<String> =
+            board.frontend.saturations().iter().map(|saturation| format!("{saturation:?}")).collect();
+        remarks.extend(self.machine.reports().iter().map(ToString::to_string));
+        let crash = match stop {
+            Stop::Crash(crash) => Some(crash.to_string()),
+            Stop::Sleep => Some("the program went to sleep with interrupts disabled".into()),
+            Stop::Break => Some("the program executed BREAK".into()),
+            Stop::Halt => {
+                Some(format!("the program halted at {:#06x}: it panicked", self.machine.pc()))
+            }
+            Stop::Limit | Stop::Requested => None,
+        };
+        let statistics = self.machine.statistics();
+        let top = self.machine.data().len() as u64 - 1;
+        Ok(Summary {
+            overflows: Vec::new(),
+            cycles: statistics.cycles,
+            instructions: statistics.instructions,
+            sleeping_cycles: statistics.sleeping_cycles,
+            stack_peak: top.saturating_sub(u64::from(statistics.lowest_sp)),
+            late_conversions: state.late,
+            lost_conversions: state.lost,
+            missed_deadlines: state.missed_deadlines,
+            isr_latency_max_cycles: statistics
+                .vectors
+                .iter()
+                .map(|vector| vector.latency_max)
+                .max()
+                .unwrap_or(0),
+            crash,
+            host_seconds: started.elapsed().as_secs_f64(),
+            remarks,
+        })
+    }
+}
+
+const fn index<N: cardan_datapath::Node>() -> usize {
+    N::INDEX
+}

@@ -1,0 +1,54 @@
+//! The golden model as an engine.
+
+use cardan_golden::Golden;
+use cardan_spec::calibration::Calibration;
+use cardan_spec::{Channel, REFERENCE_V};
+use cardan_units::{AdcCode, Volts, ideal_bipolar_code};
+
+use crate::app::Feed;
+use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
+
+/// The golden model on one of its feeds. Nodes are indices into the shared nodes' table.
+pub(super) struct GoldenEngine {
+    golden: Golden,
+    feed: Feed,
+}
+
+impl GoldenEngine {
+    pub(super) fn new(calibration: &Calibration, feed: Feed) -> Self {
+        Self { golden: Golden::new(calibration), feed }
+    }
+}
+
+impl Engine for GoldenEngine {
+    fn run(
+        &mut self,
+        conversions: Conversions<'_>,
+        sink: &mut dyn Sink,
+    ) -> Result<Summary, EngineError> {
+        let mut writes = Vec::new();
+        for conversion in conversions {
+            let conversion = conversion?;
+            let channel = Channel::ALL
+                .get(usize::from(conversion.channel))
+                .ok_or_else(|| EngineError::Input(format!("channel {}", conversion.channel)))?;
+            let code = AdcCode(conversion.code);
+            let fed = match self.feed {
+                Feed::Codes => f64::from(code.bipolar()),
+                Feed::IdealVolts => {
+                    ideal_bipolar_code(Volts(conversion.ideal_volts), Volts(REFERENCE_V))
+                }
+                Feed::Direct => conversion.direct_code,
+            };
+            // Only real codes can clip; the other feeds have no rails.
+            let clipped = self.feed == Feed::Codes && code.is_clipped();
+            self.golden.convert(*channel, fed, clipped, &mut |node, value| {
+                writes.push((node, value));
+            });
+            for (node, value) in writes.drain(..) {
+                sink.real(node, value, conversion.cycle)?;
+            }
+        }
+        Ok(Summary::default())
+    }
+}

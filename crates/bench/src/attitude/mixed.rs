@@ -1,0 +1,140 @@
+//! The firmware's algorithm on run-time formats: the real interpretation, the steps between real
+//! and deployed, and native runs of other word lengths.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use cardan_datapath::{Arithmetic, Format, Node, Value};
+use cardan_firmware::attitude::{Angles, State, solve};
+use cardan_firmware::averaging::{Averager, Sums};
+use cardan_firmware::calibration::Calibration;
+use cardan_firmware::frame::Frame;
+use cardan_firmware::nodes::NODE_COUNT;
+use cardan_numerics::{Formats, Mixed, Observer};
+use cardan_spec::calibration::WORDS;
+use cardan_spec::frame::ANGLE_FRAC;
+use cardan_units::AdcCode;
+
+use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
+
+/// Collects writes until the engine passes them on.
+#[derive(Clone, Debug, Default)]
+struct Buffer {
+    writes: Rc<RefCell<Vec<(usize, f64, Option<i64>)>>>,
+    overflows: Rc<RefCell<Vec<u64>>>,
+}
+
+impl Observer for Buffer {
+    fn write(&self, node: usize, value: f64, raw: Option<i64>) {
+        self.writes.borrow_mut().push((node, value, raw));
+    }
+
+    fn overflow(&self, node: usize) {
+        if let Some(count) = self.overflows.borrow_mut().get_mut(node) {
+            *count += 1;
+        }
+    }
+}
+
+/// What the engine shows: the values, or the words and frames of a device with these formats.
+enum Shows {
+    Values,
+    Words(Vec<Format>),
+}
+
+/// The algorithm in formats chosen at run time.
+pub(super) struct MixedEngine {
+    buffer: Buffer,
+    m: Mixed<Buffer>,
+    words: [i32; WORDS],
+    shows: Shows,
+}
+
+impl MixedEngine {
+    /// Shows node values as real numbers.
+    pub(super) fn values(formats: &Formats, words: &[i32; WORDS]) -> Self {
+        Self::new(formats, words, Shows::Values)
+    }
+
+    /// Shows words and frames, as the firmware would in `formats`.
+    pub(super) fn words(formats: &Formats, words: &[i32; WORDS]) -> Result<Self, String> {
+        let all: Option<Vec<Format>> = formats.as_slice().iter().copied().collect();
+        let all = all.ok_or("a device has a format for every node")?;
+        Ok(Self::new(formats, words, Shows::Words(all)))
+    }
+
+    fn new(formats: &Formats, words: &[i32; WORDS], shows: Shows) -> Self {
+        let buffer = Buffer::default();
+        buffer.overflows.borrow_mut().resize(NODE_COUNT, 0);
+        let m = Mixed::new(formats, buffer.clone());
+        Self { buffer, m, words: *words, shows }
+    }
+
+    fn pass_on(&self, cycle: u64, sink: &mut dyn Sink) -> Result<(), EngineError> {
+        for (node, value, raw) in self.buffer.writes.borrow_mut().drain(..) {
+            match (&self.shows, raw) {
+                (Shows::Words(_), Some(raw)) => sink.word(node, raw, cycle)?,
+                _ => sink.real(node, value, cycle)?,
+            }
+        }
+        Ok(())
+    }
+
+    fn frame(
+        &self,
+        formats: &[Format],
+        sequence: u16,
+        sums: &Sums<Mixed<Buffer>>,
+        angles: &Angles<Mixed<Buffer>>,
+        flags: u16,
+    ) -> Frame {
+        Frame {
+            sequence,
+            sums: sums.sums.map(|sum| sum.word().raw.unwrap_or_default() as i16),
+            angles: [
+                angle(angles.yaw, formats),
+                angle(angles.pitch, formats),
+                angle(angles.roll, formats),
+            ],
+            flags,
+        }
+    }
+}
+
+/// An angle with the frame's fractional bits, whatever the node's format.
+fn angle<N: Node>(value: Value<Mixed<Buffer>, N>, formats: &[Format]) -> i16 {
+    let raw = value.word().raw.unwrap_or_default();
+    let frac = formats[N::INDEX].frac;
+    if frac >= ANGLE_FRAC {
+        (raw >> (frac - ANGLE_FRAC)) as i16
+    } else {
+        (raw << (ANGLE_FRAC - frac)) as i16
+    }
+}
+
+impl Engine for MixedEngine {
+    fn run(
+        &mut self,
+        conversions: Conversions<'_>,
+        sink: &mut dyn Sink,
+    ) -> Result<Summary, EngineError> {
+        let m = &self.m;
+        let calibration = Calibration::new(m, &self.words);
+        let mut state = State::new(m);
+        let mut averager = Averager::new(m);
+        let mut sequence = 0_u16;
+        for conversion in conversions {
+            let conversion = conversion?;
+            let sums = averager.push(m, AdcCode(conversion.code));
+            let solved = sums.map(|sums| (sums, solve(m, &calibration, &mut state, &sums)));
+            self.pass_on(conversion.cycle, sink)?;
+            if let (Some((sums, angles)), Shows::Words(formats)) = (solved, &self.shows) {
+                let frame = self.frame(formats, sequence, &sums, &angles, m.take_status());
+                sink.frame(conversion.cycle, &frame.encode())?;
+                sequence = sequence.wrapping_add(1);
+            }
+        }
+        let overflows = self.buffer.overflows.borrow().clone();
+        Ok(Summary { overflows, ..Summary::default() })
+    }
+}

@@ -1,0 +1,81 @@
+//! The firmware on the host: the deployed arithmetic, and any other over the same algorithm.
+
+use std::cell::RefCell;
+use std::rc::Rc;
+
+use cardan_datapath::{Arithmetic, Deployed, Tap};
+use cardan_firmware::averaging::Averager;
+use cardan_firmware::calibration::encode;
+use cardan_firmware::device::Solver;
+use cardan_firmware::nodes::NODE_COUNT;
+use cardan_spec::calibration::WORDS;
+use cardan_units::AdcCode;
+
+use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
+
+/// Collects writes until the engine passes them on.
+#[derive(Clone, Debug, Default)]
+struct Buffer {
+    writes: Rc<RefCell<Vec<(usize, i64)>>>,
+    overflows: Rc<RefCell<Vec<u64>>>,
+}
+
+impl Tap for Buffer {
+    fn write(&self, index: usize, raw: i64) {
+        self.writes.borrow_mut().push((index, raw));
+    }
+
+    fn overflow(&self, index: usize) {
+        if let Some(count) = self.overflows.borrow_mut().get_mut(index) {
+            *count += 1;
+        }
+    }
+}
+
+/// The firmware crate itself, in its deployed formats.
+pub(super) struct NativeEngine {
+    buffer: Buffer,
+    m: Deployed<Buffer>,
+    averager: Averager<Deployed<Buffer>>,
+    solver: Solver<Buffer>,
+}
+
+impl NativeEngine {
+    pub(super) fn new(words: &[i32; WORDS]) -> Self {
+        let buffer = Buffer::default();
+        buffer.overflows.borrow_mut().resize(NODE_COUNT, 0);
+        let m = Deployed::new(buffer.clone());
+        let averager = Averager::new(&m);
+        let solver = Solver::new(buffer.clone(), &encode(words));
+        Self { buffer, m, averager, solver }
+    }
+
+    fn pass_on(&self, cycle: u64, sink: &mut dyn Sink) -> Result<(), EngineError> {
+        for (node, raw) in self.buffer.writes.borrow_mut().drain(..) {
+            sink.word(node, raw, cycle)?;
+        }
+        Ok(())
+    }
+}
+
+impl Engine for NativeEngine {
+    fn run(
+        &mut self,
+        conversions: Conversions<'_>,
+        sink: &mut dyn Sink,
+    ) -> Result<Summary, EngineError> {
+        for conversion in conversions {
+            let conversion = conversion?;
+            let sums = self.averager.push(&self.m, AdcCode(conversion.code));
+            let frame = sums.map(|sums| self.solver.solve(&sums, false));
+            self.pass_on(conversion.cycle, sink)?;
+            if let Some(frame) = frame {
+                sink.frame(conversion.cycle, &frame.encode())?;
+            }
+        }
+        // The averager's arithmetic keeps no status of its own: only the solver's is sent.
+        let _ = self.m.take_status();
+        let overflows = self.buffer.overflows.borrow().clone();
+        Ok(Summary { overflows, ..Summary::default() })
+    }
+}

@@ -1,0 +1,129 @@
+//! One algorithm, several engines: golden, native, emulated. What goes in and comes out.
+
+use std::error::Error;
+
+use serde::{Deserialize, Serialize};
+
+/// One conversion of the emulated converter.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Conversion {
+    /// Position among all conversions, from 0.
+    pub sequence: u64,
+    /// Cycle of the hold instant.
+    pub cycle: u64,
+    /// Channel.
+    pub channel: u8,
+    /// Result, 0..=1023.
+    pub code: u16,
+    /// Voltage at the pin in that instant, before the converter's own errors.
+    pub ideal_volts: f64,
+    /// The bipolar code, without steps, that memoryless ideal sensors would have given at that
+    /// instant less the nominal group delay; NaN without a true attitude.
+    pub direct_code: f64,
+    /// It was not triggered in time.
+    pub late: bool,
+    /// The firmware never saw the result.
+    pub lost: bool,
+}
+
+/// The true attitude at a solution's output instant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Truth {
+    /// The output instant in seconds after reset: the centre of the conversions less the group
+    /// delay.
+    pub time_s: f64,
+    /// Yaw, pitch, roll of set 1 in radians; none where a recording has no reference.
+    pub yaw_pitch_roll_rad: Option<[f64; 3]>,
+}
+
+/// Why a sink refused: the reader on its other side is gone.
+pub type SinkError = Box<dyn Error + Send + Sync>;
+
+/// Sees what an engine does, in order.
+pub trait Sink {
+    /// A conversion was made.
+    fn conversion(&mut self, conversion: &Conversion) -> Result<(), SinkError> {
+        let _ = conversion;
+        Ok(())
+    }
+
+    /// A node took the raw word `raw`.
+    fn word(&mut self, node: usize, raw: i64, cycle: u64) -> Result<(), SinkError> {
+        let _ = (node, raw, cycle);
+        Ok(())
+    }
+
+    /// A node took the real value `value`.
+    fn real(&mut self, node: usize, value: f64, cycle: u64) -> Result<(), SinkError> {
+        let _ = (node, value, cycle);
+        Ok(())
+    }
+
+    /// A frame left the device; `bytes` with the delimiter.
+    fn frame(&mut self, cycle: u64, bytes: &[u8]) -> Result<(), SinkError> {
+        let _ = (cycle, bytes);
+        Ok(())
+    }
+
+    /// A solution's conversions are complete.
+    fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
+        let _ = truth;
+        Ok(())
+    }
+}
+
+/// The conversions that feed an engine.
+pub type Conversions<'a> = &'a mut dyn Iterator<Item = Result<Conversion, SinkError>>;
+
+/// What an engine counted.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Summary {
+    /// Overflows per node.
+    pub overflows: Vec<u64>,
+    /// Cycles of the controller.
+    pub cycles: u64,
+    /// Instructions executed.
+    pub instructions: u64,
+    /// Cycles asleep.
+    pub sleeping_cycles: u64,
+    /// Bytes of stack used at most.
+    pub stack_peak: u64,
+    /// Conversions that were not triggered in time.
+    pub late_conversions: u64,
+    /// Conversions whose result the firmware never saw.
+    pub lost_conversions: u64,
+    /// Solutions that were not finished before the next ones' conversions were complete.
+    pub missed_deadlines: u64,
+    /// Worst interrupt latency in cycles.
+    pub isr_latency_max_cycles: u64,
+    /// Why the emulated program crashed, with its address and instruction.
+    pub crash: Option<String>,
+    /// Host seconds spent.
+    pub host_seconds: f64,
+    /// What is worth saying about the run, such as saturated amplifiers.
+    pub remarks: Vec<String>,
+}
+
+/// Why an engine could not run to its end.
+#[derive(Debug, thiserror::Error)]
+pub enum EngineError {
+    /// The sink refused or a conversion did not arrive.
+    #[error(transparent)]
+    Link(#[from] SinkError),
+    /// The input is not usable.
+    #[error("{0}")]
+    Input(String),
+}
+
+/// An interpretation of an app's algorithm.
+pub trait Engine {
+    /// Runs to the end of `conversions` (the emulated engine makes its own and takes none).
+    ///
+    /// # Errors
+    /// A refusing sink, missing conversions, unusable input.
+    fn run(
+        &mut self,
+        conversions: Conversions<'_>,
+        sink: &mut dyn Sink,
+    ) -> Result<Summary, EngineError>;
+}

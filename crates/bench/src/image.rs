@@ -1,0 +1,152 @@
+//! Firmware images and the tables by which they tell what they compute (spec: taps).
+
+use cardan_datapath::{Format, NodeInfo, Overflow, Rounding};
+use cardan_emulator::{ATMEGA328P, Image, LoadError, Memory};
+use cardan_spec::taps;
+
+/// An image with its tables.
+#[derive(Clone, Debug)]
+pub struct Firmware {
+    /// What is loaded.
+    pub image: Image,
+    /// Where it came from, for messages.
+    pub name: String,
+    /// Its format table, if it carries one.
+    pub formats: Option<FormatTable>,
+    /// Address of the tap table in the data space, if it has taps.
+    pub taps: Option<TapTable>,
+}
+
+/// The format table of an image.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct FormatTable {
+    /// Hash over names and formats.
+    pub hash: u64,
+    /// Formats by node index.
+    pub formats: Vec<Format>,
+}
+
+/// The tap table of an image.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct TapTable {
+    /// Data address of node 0's word.
+    pub address: usize,
+    /// Number of words.
+    pub len: usize,
+}
+
+/// Why an image is not usable.
+#[derive(Debug, thiserror::Error)]
+pub enum ImageError {
+    /// It cannot be read.
+    #[error(transparent)]
+    Load(#[from] LoadError),
+    /// Its tables are damaged.
+    #[error(
+        "{file}: symbol {symbol}: {problem}; rebuild the image against this version's firmware or \
+         cardan_tap.h"
+    )]
+    Table {
+        /// File.
+        file: String,
+        /// Symbol.
+        symbol: &'static str,
+        /// What is wrong.
+        problem: String,
+    },
+}
+
+/// Bytes before the first node of a format table: hash and count.
+const HEADER: usize = 10;
+
+impl Firmware {
+    /// Reads an image from the bytes of file `name`.
+    ///
+    /// # Errors
+    /// Not an AVR program, or damaged tables.
+    pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, ImageError> {
+        let image = Image::parse(name, bytes, &ATMEGA328P)?;
+        let formats = format_table(&image, name)?;
+        let taps = image.symbol(taps::TABLE_SYMBOL).map(|symbol| TapTable {
+            address: symbol.address as usize,
+            len: symbol.size as usize / 4,
+        });
+        Ok(Self { image, name: name.to_owned(), formats, taps })
+    }
+
+    /// Checks that the image computes in `nodes`' formats.
+    ///
+    /// # Errors
+    /// The first disagreement with both sides.
+    pub fn check_formats(&self, nodes: &[NodeInfo], hash: u64) -> Result<(), ImageError> {
+        let Some(table) = &self.formats else { return Ok(()) };
+        if table.hash == hash {
+            return Ok(());
+        }
+        let fail = |problem| ImageError::Table {
+            file: self.name.clone(),
+            symbol: taps::FORMATS_SYMBOL,
+            problem,
+        };
+        if table.formats.len() != nodes.len() {
+            return Err(fail(format!(
+                "the image has {} nodes, the native firmware {}",
+                table.formats.len(),
+                nodes.len()
+            )));
+        }
+        let differing = nodes.iter().zip(&table.formats).find(|(node, format)| node.format != **format);
+        Err(fail(differing.map_or_else(
+            || format!("hash {:016x}, native {hash:016x}: the nodes' names differ", table.hash),
+            |(node, format)| {
+                format!(
+                    "node '{}' is {} in the image and {} natively",
+                    node.name,
+                    describe(*format),
+                    describe(node.format)
+                )
+            },
+        )))
+    }
+}
+
+/// A format in words.
+#[must_use]
+pub fn describe(format: Format) -> String {
+    format!(
+        "{} bits with {} fractional ({}, {})",
+        format.word,
+        format.frac,
+        format.rounding.name(),
+        format.overflow.name()
+    )
+}
+
+fn format_table(image: &Image, name: &str) -> Result<Option<FormatTable>, ImageError> {
+    let Some(symbol) = image.symbol(taps::FORMATS_SYMBOL) else { return Ok(None) };
+    let fail = |problem: &str| ImageError::Table {
+        file: name.to_owned(),
+        symbol: taps::FORMATS_SYMBOL,
+        problem: problem.to_owned(),
+    };
+    if symbol.memory != Memory::Flash {
+        return Err(fail("expected in flash (section .progmem.data)"));
+    }
+    let start = symbol.address as usize;
+    let bytes = image.flash.get(start..).ok_or_else(|| fail("lies beyond the image"))?;
+    let (head, rest) = bytes.split_at_checked(HEADER).ok_or_else(|| fail("is cut short"))?;
+    let (hash, count) = head.split_at(8);
+    let hash = hash.iter().rev().fold(0, |hash, &byte| hash << 8 | u64::from(byte));
+    let count = usize::from(count[0]) | usize::from(count[1]) << 8;
+    let rows = rest.get(..4 * count).ok_or_else(|| fail("is cut short"))?;
+    let formats = rows.chunks_exact(4).map(|row| {
+        let rounding = Rounding::ALL.get(usize::from(row[2]))?.0;
+        let overflow = Overflow::ALL.get(usize::from(row[3]))?.0;
+        let word = u32::from(row[0]);
+        (1..=64).contains(&word).then(|| Format::new(word, row[1].into(), rounding, overflow))
+    });
+    let formats = formats
+        .collect::<Option<Vec<_>>>()
+        .ok_or_else(|| fail("holds a word length or mode that does not exist"))?;
+    Ok(Some(FormatTable { hash, formats }))
+}
