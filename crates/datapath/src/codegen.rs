@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
 use std::{env, format, fs, println};
 
-use crate::wordlengths::{self, DeclaredNode, WordlengthsError, container_bits};
+use crate::wordlengths::{self, DeclaredNode, WordlengthsError, container_bits, type_name};
 
 /// Reads the word-length file and writes `nodes.rs` into Cargo's `OUT_DIR`. The environment variable
 /// `CARDAN_WORDLENGTHS` names another file, so that a candidate can be built without editing the
@@ -77,16 +77,4 @@ pub fn generate(nodes: &[DeclaredNode]) -> String {
     }
     out.push_str("];\n");
     out
-}
-
-/// `tilt_x` becomes `TiltX`.
-fn type_name(name: &str) -> String {
-    name.split('_')
-        .map(|part| {
-            let mut chars = part.chars();
-            chars.next().map_or_else(String::new, |first| {
-                first.to_uppercase().to_string() + chars.as_str()
-            })
-        })
-        .collect()
 }

@@ -380,10 +380,7 @@ impl<T: Tap> Arithmetic for Deployed<T> {
         }
         if A::FORMAT.word + up <= 32 {
             let radicand = if negative { 0 } else { (raw32(a) as u32) << up };
-            self.write32(
-                square_root32(radicand, format.rounding) as i32,
-                format.frac,
-            )
+            self.write32(square_root32(radicand, format.rounding) as i32, format.frac)
         } else {
             let radicand = if negative { 0 } else { (raw64(a) as u64) << up };
             self.write64(

@@ -10,7 +10,7 @@
 //! overflow = "saturate"   # wrap, saturate, trap
 //! ```
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::format;
 use std::string::{String, ToString};
 use std::vec::Vec;
@@ -64,23 +64,41 @@ struct Entry {
 pub fn parse(text: &str, file: &str) -> Result<Vec<DeclaredNode>, WordlengthsError> {
     let parsed: File =
         toml::from_str(text).map_err(|error| WordlengthsError(format!("{file}: {error}")))?;
-    let mut seen = BTreeSet::new();
+    if parsed.node.is_empty() {
+        return Err(WordlengthsError(format!(
+            "{file}: no nodes; add a [[node]] table for each node"
+        )));
+    }
+    let mut types = BTreeMap::new();
     let mut nodes = Vec::new();
     for entry in parsed.node {
         let fail =
             |what: String| WordlengthsError(format!("{file}: node '{}': {what}", entry.name));
-        let well_formed = entry.name.starts_with(|c: char| c.is_ascii_lowercase())
-            && entry
-                .name
-                .chars()
-                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit() || c == '_');
-        if !well_formed {
+        if !well_formed(&entry.name) {
             return Err(fail(
-                "a name is lower case letters, digits and '_'".to_string(),
+                "a name starts with a lower case letter and has lower case letters and digits, \
+                 in words joined by one '_' each"
+                    .to_string(),
             ));
         }
-        if !seen.insert(entry.name.clone()) {
-            return Err(fail("declared twice; remove one".to_string()));
+        if entry.name == "self" {
+            return Err(fail("Rust reserves this name; choose another".to_string()));
+        }
+        match types.insert(type_name(&entry.name), entry.name.clone()) {
+            None => {}
+            Some(before) if before == entry.name => {
+                return Err(fail("declared twice; remove one".to_string()));
+            }
+            Some(before) => {
+                return Err(fail(format!(
+                    "its type would be named as that of node '{before}': rename one"
+                )));
+            }
+        }
+        if entry.unit.is_empty() || entry.unit.contains(char::is_control) {
+            return Err(fail(
+                "unit: expected one line of text, \"1\" for a pure number".to_string(),
+            ));
         }
         let rounding = mode(&Rounding::ALL, "rounding", &entry.rounding).map_err(&fail)?;
         let overflow = mode(&Overflow::ALL, "overflow", &entry.overflow).map_err(&fail)?;
@@ -105,6 +123,28 @@ pub fn parse(text: &str, file: &str) -> Result<Vec<DeclaredNode>, WordlengthsErr
         });
     }
     Ok(nodes)
+}
+
+fn well_formed(name: &str) -> bool {
+    let word = |word: &str| {
+        !word.is_empty()
+            && word
+                .chars()
+                .all(|c| c.is_ascii_lowercase() || c.is_ascii_digit())
+    };
+    name.starts_with(|c: char| c.is_ascii_lowercase()) && name.split('_').all(word)
+}
+
+/// Name of the type that [`crate::codegen`] makes of a node: `tilt_x` becomes `TiltX`.
+pub(crate) fn type_name(name: &str) -> String {
+    name.split('_')
+        .map(|part| {
+            let mut chars = part.chars();
+            chars.next().map_or_else(String::new, |first| {
+                first.to_uppercase().to_string() + chars.as_str()
+            })
+        })
+        .collect()
 }
 
 fn mode<T: Copy>(all: &[(T, &'static str)], key: &str, name: &str) -> Result<T, String> {
