@@ -199,6 +199,18 @@ pub struct Attitudes {
     pub rounding_steps: Vec<RoundingStep>,
 }
 
+impl Attitudes {
+    /// What the device says: the emulated attitude, or native's where there is none.
+    #[must_use]
+    pub fn device(&self) -> &Series {
+        if self.emulated.is_absent() {
+            &self.deployed
+        } else {
+            &self.emulated
+        }
+    }
+}
+
 /// The attitude with the rounding of this node and of all steps before it.
 #[derive(Clone, Debug, Default)]
 pub struct RoundingStep {

@@ -41,6 +41,7 @@ mod attitude;
 mod bits;
 mod budget;
 pub mod format;
+pub mod html;
 mod input;
 mod metrics;
 mod nodes;

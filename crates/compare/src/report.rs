@@ -91,7 +91,7 @@ pub fn compare(comparison: &Comparison) -> Report {
         .map(|node| nodes::report(node, flags, &mut reasons))
         .collect();
     let frames = FrameComparison::of(&comparison.frames.native, &comparison.frames.emulated);
-    let device = device(comparison);
+    let device = attitudes.device();
     let attitude = against(device, &attitudes.truth, unflagged);
     let (error_budget, error_budget_detail) = budget(attitudes, &unflagged);
     check_run(
@@ -131,16 +131,6 @@ pub fn compare(comparison: &Comparison) -> Report {
         error_budget_detail,
         assumed: comparison.assumed.clone(),
         reproduce: comparison.reproduce.clone(),
-    }
-}
-
-/// What the device says: the emulated attitude, or native's where there is none.
-fn device(comparison: &Comparison) -> &Series {
-    let attitudes = &comparison.attitudes;
-    if attitudes.emulated.is_absent() {
-        &attitudes.deployed
-    } else {
-        &attitudes.emulated
     }
 }
 

@@ -133,8 +133,9 @@ impl fmt::Display for Reason {
                 first,
             } => write!(
                 f,
-                "node {node}: native and emulated differ in {mismatches} values ({compared} \
-                 compared); first in solution {} (sample {}): native {}, emulated {}",
+                "node {node}: native and emulated differ in {} of {compared}; first in solution {} \
+                 (sample {}): native {}, emulated {}",
+                counted(*mismatches, "value"),
                 first.solution,
                 first.sample,
                 or_missing(first.native),
@@ -146,8 +147,9 @@ impl fmt::Display for Reason {
                 first,
             } => write!(
                 f,
-                "frames: native and emulated differ in {mismatches} frames ({compared} compared); \
-                 first is frame {}: native {}, emulated {}",
+                "frames: native and emulated differ in {} of {compared}; first is frame {}: native \
+                 {}, emulated {}",
+                counted(*mismatches, "frame"),
                 first.frame,
                 or_missing(first.native.as_ref()),
                 or_missing(first.emulated.as_ref()),
@@ -161,10 +163,16 @@ impl fmt::Display for Reason {
                 f,
                 "{what}: lengths differ, {left} {left_length}, {right} {right_length}"
             ),
-            Self::MessagesLost(count) => write!(f, "link: {count} messages lost"),
-            Self::LateConversions(count) => write!(f, "timing: {count} conversions taken late"),
-            Self::LostConversions(count) => write!(f, "timing: {count} conversions lost"),
-            Self::MissedDeadlines(count) => write!(f, "timing: {count} deadlines missed"),
+            Self::MessagesLost(count) => write!(f, "link: {} lost", counted(*count, "message")),
+            Self::LateConversions(count) => {
+                write!(f, "timing: {} taken late", counted(*count, "conversion"))
+            }
+            Self::LostConversions(count) => {
+                write!(f, "timing: {} lost", counted(*count, "conversion"))
+            }
+            Self::MissedDeadlines(count) => {
+                write!(f, "timing: {} missed", counted(*count, "deadline"))
+            }
             Self::TruthMissed {
                 statistic,
                 value_deg,
@@ -192,6 +200,11 @@ impl Serialize for Reason {
     fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
         serializer.collect_str(self)
     }
+}
+
+fn counted(count: u64, noun: &str) -> String {
+    let ending = if count == 1 { "" } else { "s" };
+    format!("{count} {noun}{ending}")
 }
 
 fn or_missing<T: fmt::Display>(value: Option<T>) -> String {

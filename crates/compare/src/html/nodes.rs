@@ -1,0 +1,203 @@
+//! The nodes: a table, the reasons of the tolerances, and the error of each over time.
+
+use maud::{Markup, html};
+
+use super::framed;
+use super::plot::{Layer, Plot, spans, stretches, ticks};
+use crate::format::{count, number, optional, percent};
+use crate::input::{Comparison, Node};
+use crate::metrics::{WRAPPING_UNIT, difference};
+use crate::nodes::NodeReport;
+use crate::report::Report;
+
+const STRETCHES: usize = 200;
+
+pub(super) fn section(report: &Report, comparison: &Comparison) -> Markup {
+    let content = html! {
+        div.scroll {
+            table.nodes {
+                thead { tr {
+                    th scope="col" {}
+                    th scope="col" { "node" }
+                    th scope="col" { "unit" }
+                    th.number scope="col" { "format" }
+                    th.number scope="col" { "min" }
+                    th.number scope="col" { "max" }
+                    th.number scope="col" { "max error" }
+                    th.number scope="col" { "in LSB" }
+                    th.number scope="col" { "SQNR dB" }
+                    th.used scope="col" { "tolerance used" }
+                    th.number scope="col" { "overflows" }
+                    th.number scope="col" { "bits differ" }
+                } }
+                tbody { @for node in &report.nodes { (row(node)) } }
+            }
+        }
+        p.note {
+            "Format: integer bits, sign included, and fractional bits. "
+            "* judged against the same algorithm in f64, because golden has no such node."
+        }
+        (reasons(report))
+        h3 { "Error over time, in LSB of the node's format" }
+        div.multiples {
+            @for (node, data) in report.nodes.iter().zip(&comparison.nodes) {
+                (error(node, data, comparison))
+            }
+        }
+    };
+    framed(
+        "nodes",
+        "Nodes",
+        "Every intermediate value of the datapath in signal order: native against golden on the \
+         same codes over solutions without flags, and native against emulated in every bit.",
+        &content,
+    )
+}
+
+fn row(node: &NodeReport) -> Markup {
+    let judged = node.judged();
+    let max_abs = judged.and_then(|difference| difference.max_abs);
+    let used = max_abs.zip(node.tolerance).map(
+        |(error, limit)| {
+            if error == 0.0 { 0.0 } else { error / limit }
+        },
+    );
+    html! {
+        tr .bad[!node.pass] {
+            td.mark { @if node.pass { "✓" } @else { "✗" } }
+            th scope="row" { (node.name) @if node.golden_vs_native.is_none() { "*" } }
+            td { (node.unit) }
+            td.number { (node.format.as_ref().map_or_else(|| "–".to_owned(), ToString::to_string)) }
+            td.number { (optional(node.min)) }
+            td.number { (optional(node.max)) }
+            td.number { (optional(max_abs)) }
+            td.number { (optional(judged.and_then(|difference| difference.max_lsb))) }
+            td.number {
+                @match judged.and_then(|difference| difference.sqnr_db) {
+                    Some(db) => (format!("{db:.1}")),
+                    None => "–",
+                }
+            }
+            td.used { (meter(used, node.tolerance)) }
+            td.number { (count(node.overflows)) }
+            td.number {
+                @match &node.native_vs_emulated {
+                    Some(bits) => (count(bits.mismatches)),
+                    None => "no taps",
+                }
+            }
+        }
+    }
+}
+
+fn meter(used: Option<f64>, tolerance: Option<f64>) -> Markup {
+    let Some(((used, tolerance), shown)) = used.zip(tolerance).map(|pair| {
+        let shown = (100.0 * pair.0).clamp(0.0, 100.0);
+        (pair, shown)
+    }) else {
+        return html! { span.muted { "–" } };
+    };
+    let beyond = used.is_nan() || used > 1.0;
+    html! {
+        span.meter .beyond[beyond] { b style=(format!("width:{shown:.1}%")) {} }
+        span.meter-text {
+            @if tolerance == 0.0 { "must be exact" }
+            @else { (percent(used)) " of " (number(tolerance)) }
+        }
+    }
+}
+
+fn reasons(report: &Report) -> Markup {
+    let given = || {
+        report.nodes.iter().filter_map(|node| {
+            let reason = node.tolerance_reason.as_ref()?;
+            (!reason.is_empty()).then_some((&node.name, node.tolerance?, &node.unit, reason))
+        })
+    };
+    if given().next().is_none() {
+        return html! {};
+    }
+    html! {
+        details {
+            summary { "Reasons of the tolerances" }
+            dl.reasons-of {
+                @for (name, tolerance, unit, reason) in given() {
+                    dt { (name) " " span.muted { (number(tolerance)) " " (unit) } }
+                    dd { (reason) }
+                }
+            }
+        }
+    }
+}
+
+/// The largest and smallest difference in each stretch of time, with the tolerance where it is near.
+fn error(report: &NodeReport, node: &Node, comparison: &Comparison) -> Markup {
+    let (reference, name) = match (&node.golden, &node.real) {
+        (Some(golden), _) => (golden, "golden"),
+        (None, Some(real)) => (real, "real"),
+        (None, None) => return html! {},
+    };
+    if node.lsb <= 0.0 || comparison.run.solution_seconds <= 0.0 || comparison.flags.is_empty() {
+        return html! {};
+    }
+    let seconds = comparison.flags.len() as f64 * comparison.run.solution_seconds;
+    let step = comparison.run.solution_seconds / node.per_solution.max(1) as f64;
+    let wrap = node.unit == WRAPPING_UNIT;
+    let pairs = node.native_values().zip(reference).enumerate();
+    let errors = pairs
+        .filter(|(sample, _)| comparison.flags.get(node.solution_of(*sample)) == Some(&0))
+        .map(|(sample, (native, reference))| {
+            let time = (sample as f64 + 0.5) * step;
+            (time, difference(native, *reference, wrap) / node.lsb)
+        });
+    let count = STRETCHES.min(comparison.flags.len());
+    let found = stretches(errors, seconds, count);
+    let most = found
+        .iter()
+        .flatten()
+        .fold(0f64, |most, at| most.max(at.high.abs()).max(at.low.abs()));
+    let limit = node
+        .tolerance
+        .as_ref()
+        .map(|tolerance| tolerance.max_abs / node.lsb);
+    let caption = html! {
+        figcaption {
+            strong { (node.name) }
+            span.muted { " native − " (name) }
+        }
+    };
+    if most == 0.0 {
+        let exact = report.judged().is_some_and(|judged| judged.samples > 0);
+        return html! {
+            figure.small {
+                (caption)
+                p.exact { @if exact { "exact: never differs" } @else { "nothing to compare" } }
+            }
+        };
+    }
+    let near = limit.filter(|limit| *limit <= 4.0 * most && *limit > 0.0);
+    let reach = 1.1 * most.max(near.unwrap_or(0.0));
+    let flags = &comparison.flags;
+    let shade = Layer::Shade {
+        class: "shade",
+        spans: spans(flags.len(), seconds, STRETCHES, |at| flags[at] != 0),
+    };
+    let band = Layer::Band {
+        class: "band",
+        stretches: found,
+    };
+    let levels = near
+        .into_iter()
+        .flat_map(|at| [at, -at].map(|at| Layer::Level { class: "limit", at }));
+    let plot = Plot {
+        label: format!("difference of {} from {name} in LSB over time", node.name),
+        seconds,
+        low: -reach,
+        high: reach,
+        ticks: ticks(-reach, reach, 4),
+        unit: "",
+        height: 90,
+        layers: [shade, band].into_iter().chain(levels).collect(),
+    };
+    html! { figure.small { (caption) (plot.markup()) } }
+}

@@ -1,0 +1,337 @@
+//! Curves over time, and bars on a logarithmic scale.
+//!
+//! The drawing stretches with the page while line widths and labels do not: curves are an SVG
+//! without text, labels are HTML placed by percentages.
+
+use std::fmt::Write;
+
+use maud::{Markup, html};
+
+use crate::format::number;
+
+/// A drawing's inner coordinates.
+const WIDTH: f64 = 1000.0;
+const HEIGHT: f64 = 100.0;
+
+/// What is drawn, from back to front.
+pub(super) enum Layer {
+    /// A polyline that is interrupted where it jumps by `jump` or more.
+    Line {
+        class: &'static str,
+        points: Vec<(f64, f64)>,
+        jump: f64,
+    },
+    /// The area between the smallest and the largest value in each stretch of time.
+    Band {
+        class: &'static str,
+        stretches: Vec<Option<Stretch>>,
+    },
+    /// A horizontal dashed line.
+    Level { class: &'static str, at: f64 },
+    /// Vertical stripes: stretches of time in which something held.
+    Shade {
+        class: &'static str,
+        spans: Vec<(f64, f64)>,
+    },
+}
+
+/// Smallest and largest value in a stretch of time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Stretch {
+    pub(super) time: f64,
+    pub(super) low: f64,
+    pub(super) high: f64,
+}
+
+/// A curve over time.
+pub(super) struct Plot {
+    /// Said aloud in place of the drawing.
+    pub(super) label: String,
+    pub(super) seconds: f64,
+    pub(super) low: f64,
+    pub(super) high: f64,
+    /// Where the vertical axis is marked.
+    pub(super) ticks: Vec<f64>,
+    /// Unit of the vertical axis, after the topmost mark.
+    pub(super) unit: &'static str,
+    /// Height in pixels.
+    pub(super) height: u32,
+    pub(super) layers: Vec<Layer>,
+}
+
+impl Plot {
+    fn x(&self, time: f64) -> f64 {
+        WIDTH * time / self.seconds
+    }
+
+    fn y(&self, value: f64) -> f64 {
+        let part = (value - self.low) / (self.high - self.low);
+        HEIGHT * (1.0 - part.clamp(-0.1, 1.1))
+    }
+
+    pub(super) fn markup(&self) -> Markup {
+        let view = format!("0 0 {WIDTH} {HEIGHT}");
+        let times = ticks(0.0, self.seconds, 6);
+        let last = times.last().copied();
+        html! {
+            div.plot style=(format!("--height:{}px", self.height)) {
+                div.y-axis aria-hidden="true" {
+                    @for (index, tick) in self.ticks.iter().enumerate() {
+                        span style=(format!("top:{:.2}%", self.y(*tick))) {
+                            (number_short(*tick))
+                            @if index + 1 == self.ticks.len() { (self.unit) }
+                        }
+                    }
+                }
+                svg viewBox=(view) preserveAspectRatio="none" role="img" aria-label=(self.label) {
+                    @for tick in &self.ticks {
+                        path.grid d=(level(self.y(*tick))) {}
+                    }
+                    @for layer in &self.layers { (self.layer(layer)) }
+                }
+                div.x-axis aria-hidden="true" {
+                    @for tick in &times {
+                        span style=(format!("left:{:.2}%", self.x(*tick) / WIDTH * 100.0)) {
+                            (number_short(*tick))
+                            @if Some(*tick) == last { " s" }
+                        }
+                    }
+                }
+            }
+        }
+    }
+
+    fn layer(&self, layer: &Layer) -> Markup {
+        match layer {
+            Layer::Line {
+                class,
+                points,
+                jump,
+            } => html! { path class=(class) d=(self.polyline(points, *jump)) {} },
+            Layer::Band { class, stretches } => {
+                html! { path class=(class) d=(self.band(stretches)) {} }
+            }
+            Layer::Level { class, at } => html! { path class=(class) d=(level(self.y(*at))) {} },
+            Layer::Shade { class, spans } => html! {
+                @for (from, to) in spans {
+                    rect class=(class) x=(format!("{:.1}", self.x(*from))) y="0"
+                        width=(format!("{:.1}", self.x(to - from))) height=(HEIGHT) {}
+                }
+            },
+        }
+    }
+
+    fn polyline(&self, points: &[(f64, f64)], jump: f64) -> String {
+        let mut path = String::new();
+        let mut before: Option<f64> = None;
+        for &(time, value) in points {
+            let joined = before.is_some_and(|before| (value - before).abs() < jump);
+            self.point(&mut path, if joined { 'L' } else { 'M' }, time, value);
+            before = Some(value);
+        }
+        path
+    }
+
+    /// Each unbroken run of stretches: along the upper edge, back along the lower.
+    fn band(&self, stretches: &[Option<Stretch>]) -> String {
+        let mut path = String::new();
+        for run in stretches.split(Option::is_none) {
+            let run: Vec<Stretch> = run.iter().copied().flatten().collect();
+            let upper = run.iter().map(|at| (at.time, at.high));
+            let lower = run.iter().rev().map(|at| (at.time, at.low));
+            for (index, (time, value)) in upper.chain(lower).enumerate() {
+                self.point(&mut path, if index == 0 { 'M' } else { 'L' }, time, value);
+            }
+            if !run.is_empty() {
+                path.push('Z');
+            }
+        }
+        path
+    }
+
+    fn point(&self, path: &mut String, command: char, time: f64, value: f64) {
+        let _ = write!(path, "{command}{:.1} {:.2}", self.x(time), self.y(value));
+    }
+}
+
+fn level(y: f64) -> String {
+    format!("M0 {y:.2}H{WIDTH}")
+}
+
+/// Divides `seconds` into equal stretches and takes the extremes of `values` (time, value) in each.
+pub(super) fn stretches(
+    values: impl Iterator<Item = (f64, f64)>,
+    seconds: f64,
+    count: usize,
+) -> Vec<Option<Stretch>> {
+    let mut all: Vec<Option<Stretch>> = vec![None; count];
+    for (time, value) in values.filter(|(_, value)| value.is_finite()) {
+        let index = (time / seconds * count as f64) as usize;
+        let Some(slot) = all.get_mut(index) else {
+            continue;
+        };
+        let stretch = slot.get_or_insert(Stretch {
+            time: (index as f64 + 0.5) / count as f64 * seconds,
+            low: value,
+            high: value,
+        });
+        stretch.low = stretch.low.min(value);
+        stretch.high = stretch.high.max(value);
+    }
+    all
+}
+
+/// Spans of time in which any solution satisfies `holds`, to within a `count`-th of the whole.
+pub(super) fn spans(
+    solutions: usize,
+    seconds: f64,
+    count: usize,
+    holds: impl Fn(usize) -> bool,
+) -> Vec<(f64, f64)> {
+    let count = count.min(solutions).max(1);
+    let mut hit = vec![false; count];
+    for solution in (0..solutions).filter(|&solution| holds(solution)) {
+        hit[solution * count / solutions] = true;
+    }
+    let edge = |index: usize| index as f64 / count as f64 * seconds;
+    let (mut spans, mut start) = (Vec::new(), None);
+    for (index, hit) in hit.into_iter().chain([false]).enumerate() {
+        match (start, hit) {
+            (None, true) => start = Some(index),
+            (Some(from), false) => {
+                spans.push((edge(from), edge(index)));
+                start = None;
+            }
+            _ => {}
+        }
+    }
+    spans
+}
+
+/// Round numbers that cover low..=high, about `about` of them.
+pub(super) fn ticks(low: f64, high: f64, about: usize) -> Vec<f64> {
+    let span = high - low;
+    if span.is_nan() || span <= 0.0 || !span.is_finite() {
+        return vec![low];
+    }
+    let rough = span / about as f64;
+    let decade = libm::pow(10.0, libm::floor(libm::log10(rough)));
+    let step = [1.0, 2.0, 5.0, 10.0]
+        .map(|factor| factor * decade)
+        .into_iter()
+        .find(|step| *step >= rough)
+        .unwrap_or(10.0 * decade);
+    let first = (low / step - 1e-9).ceil() as i64;
+    let last = (high / step + 1e-9).floor() as i64;
+    (first..=last).map(|index| index as f64 * step).collect()
+}
+
+/// A mark's label: no more digits than it needs.
+fn number_short(value: f64) -> String {
+    let text = number(value);
+    if text.contains('.') && !text.contains('e') {
+        text.trim_end_matches('0').trim_end_matches('.').to_owned()
+    } else {
+        text
+    }
+}
+
+/// A bar's name, its size (`None`: not in this run), and a remark.
+pub(super) struct Bar {
+    pub(super) name: String,
+    pub(super) remark: String,
+    pub(super) size: Option<f64>,
+    pub(super) class: &'static str,
+}
+
+/// Bars on a logarithmic scale with a mark at each decade; zero has no bar.
+pub(super) fn bars(bars: &[Bar], unit: &str) -> Markup {
+    let sizes = || {
+        let known = bars.iter().filter_map(|bar| bar.size);
+        known.filter(|size| size.is_finite() && *size > 0.0)
+    };
+    let smallest = sizes().fold(f64::INFINITY, f64::min);
+    let largest = sizes().fold(0.0, f64::max);
+    let (from, to) = if largest > 0.0 {
+        let from = libm::floor(libm::log10(smallest)) as i32;
+        (
+            from,
+            (libm::ceil(libm::log10(largest)) as i32).max(from + 1),
+        )
+    } else {
+        (-1, 0)
+    };
+    let place = |decade: f64| 100.0 * (decade - f64::from(from)) / f64::from(to - from);
+    html! {
+        div.bars {
+            @for bar in bars {
+                div.bar {
+                    div.name { (bar.name) @if !bar.remark.is_empty() { small { (bar.remark) } } }
+                    div.track {
+                        @for decade in from..=to {
+                            i style=(format!("left:{:.2}%", place(f64::from(decade)))) {}
+                        }
+                        @if let Some(size) = bar.size.filter(|size| *size > 0.0) {
+                            b class=(bar.class)
+                                style=(format!("width:{:.2}%", place(libm::log10(size)).max(0.4))) {}
+                        }
+                    }
+                    div.value {
+                        @match bar.size {
+                            Some(size) if size == 0.0 => "0",
+                            Some(size) => { (number(size)) (unit) },
+                            None => span.muted { "not in this run" },
+                        }
+                    }
+                }
+            }
+            div.bar aria-hidden="true" {
+                div.decades {
+                    @for decade in from..=to {
+                        span style=(format!("left:{:.2}%", place(f64::from(decade)))) {
+                            "10" sup { (decade) }
+                        }
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ticks_are_round_and_inside() {
+        let close = |left: &[f64], right: &[f64]| {
+            left.len() == right.len() && left.iter().zip(right).all(|(a, b)| (a - b).abs() < 1e-12)
+        };
+        assert!(close(
+            &ticks(0.0, 10.0, 6),
+            &[0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
+        ));
+        assert!(close(&ticks(-0.3, 0.3, 3), &[-0.2, 0.0, 0.2]));
+        assert!(close(&ticks(1.0, 1.0, 3), &[1.0]));
+    }
+
+    #[test]
+    fn a_stretch_keeps_the_extremes_and_a_gap_stays_a_gap() {
+        let values = [(0.1, 3.0), (0.2, -1.0), (2.5, 7.0), (9.9, f64::NAN)];
+        let found = stretches(values.into_iter(), 4.0, 4);
+        assert_eq!(found[0].map(|at| (at.low, at.high)), Some((-1.0, 3.0)));
+        assert_eq!(found[1], None);
+        assert_eq!(found[2].map(|at| (at.low, at.high)), Some((7.0, 7.0)));
+    }
+
+    #[test]
+    fn spans_join_neighbours_and_keep_single_solutions_visible() {
+        let flagged = |solution: usize| solution == 10 || (50..60).contains(&solution);
+        assert_eq!(
+            spans(100, 100.0, 100, flagged),
+            [(10.0, 11.0), (50.0, 60.0)]
+        );
+        assert_eq!(spans(100, 100.0, 10, flagged), [(10.0, 20.0), (50.0, 60.0)]);
+        assert_eq!(spans(0, 1.0, 10, flagged), []);
+    }
+}
