@@ -54,12 +54,14 @@ fn main() -> ! {
     }
 }
 
-/// Timer1: mode 12 (CTC, TOP = ICR1), both outputs toggle on compare match, no prescaler.
+/// Timer1: mode 12 (CTC, TOP = ICR1), both outputs toggle on compare match, no prescaler. The mode
+/// comes first: ICR1 can be written only in a mode that uses it as TOP (data sheet, 16.6.3).
 fn start_carrier(timer: &avr_device::atmega328p::TC1) {
+    timer.tccr1a().write(|w| w.com1a().match_toggle().com1b().match_toggle());
+    timer.tccr1b().write(|w| w.wgm1().set(0b11));
     timer.icr1().write(|w| w.set(timing::HALF_CARRIER_CYCLES as u16 - 1));
     timer.ocr1a().write(|w| w.set(timing::CARRIER_COUNT));
     timer.ocr1b().write(|w| w.set(timing::STROBE_COUNT));
-    timer.tccr1a().write(|w| w.com1a().match_toggle().com1b().match_toggle());
     timer.tccr1b().write(|w| w.wgm1().set(0b11).cs1().direct());
 }
 
