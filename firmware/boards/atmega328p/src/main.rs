@@ -39,13 +39,14 @@ fn main() -> ! {
     Shared::initialise();
     usart::initialise(&peripherals.USART0);
     let solving = solving::SolvingPin::new(peripherals.PORTB);
-    adc::initialise(&peripherals.ADC);
-    start_carrier(&peripherals.TC1);
     // Idle: the clocks of timers, converter and USART run on.
     peripherals.CPU.smcr().write(|w| w.sm().idle().se().set_bit());
 
     let solver = Solver::new(BoardTap, &image);
     let mut device = Device::new(solver, usart::Line, solving);
+    // Last, so that the first conversion's interrupt does not wait for the start-up.
+    adc::initialise(&peripherals.ADC);
+    start_carrier(&peripherals.TC1);
     // SAFETY: all state shared with interrupts is initialised above.
     unsafe { avr_device::interrupt::enable() };
     loop {
