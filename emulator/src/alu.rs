@@ -1,18 +1,13 @@
 //! Arithmetic of the AVRe+ core: results and status flags, as pure functions.
 //!
 //! Each function takes operands and the old SREG and returns the result and the new SREG
-//! (AVR Instruction Set Manual DS40002198, the Boolean formulae of each instruction).
+//! (AVR Instruction Set Manual DS40002198, the Boolean formulae of each instruction). Bits of
+//! SREG from 0: C, Z, N (negative), V (overflow), S (N xor V), H, T, I.
 
 /// Carry.
 pub(crate) const C: u8 = 1;
 /// Zero.
 pub(crate) const Z: u8 = 2;
-/// Negative.
-pub(crate) const N: u8 = 4;
-/// Two's complement overflow.
-pub(crate) const V: u8 = 8;
-/// Sign, N xor V.
-pub(crate) const S: u8 = 16;
 /// Half carry.
 pub(crate) const H: u8 = 32;
 /// Bit copy storage.

@@ -61,6 +61,26 @@ impl Machine {
             io::GPIOR2 => self.system.gpior[2],
             io::EECR..=io::EEARH => self.eeprom.read(address, at),
             io::GTCCR => self.read_gtccr(),
+            io::PCIFR | io::EIFR | io::EIMSK | io::PCICR | io::EICRA | io::PCMSK0..=io::PCMSK2 => {
+                self.external.read(address)
+            }
+            io::SPCR => self.spi.read_control(),
+            io::SPSR => self.spi.read_status(),
+            io::SPDR => {
+                let byte = self.spi.read_data();
+                self.after_spi(at, env);
+                byte
+            }
+            io::ACSR => {
+                let output = self.comparison(at, env);
+                self.comparator.begin(output);
+                self.compare_inputs(at, env);
+                self.comparator.read()
+            }
+            io::SPMCSR => self.spm.read(at),
+            io::WDTCSR => self.watchdog.read(at),
+            io::TWBR..=io::TWAMR => self.twi.read(address - io::TWBR),
+            io::ASSR => 0,
             io::SMCR => self.system.smcr,
             io::MCUSR => self.system.mcusr,
             io::MCUCR => self.system.mcucr,
@@ -106,18 +126,44 @@ impl Machine {
             io::GPIOR2 => self.system.gpior[2] = value,
             io::EECR..=io::EEARH => {
                 let hz = self.frequency_hz();
-                self.stall += self.eeprom.write(address, value, edge, hz, false);
+                let is_blocked = self.spm.is_busy();
+                self.stall += self.eeprom.write(address, value, edge, hz, is_blocked);
                 self.after_eeprom(edge);
             }
             io::GTCCR => self.write_gtccr(value, edge, env),
             io::SMCR => self.system.smcr = value & 0x0F,
-            io::MCUSR => self.system.mcusr &= value,
-            io::MCUCR => self.write_mcucr(value),
+            io::MCUSR => {
+                self.system.mcusr &= value;
+                let is_forced = self.watchdog_is_forced();
+                self.watchdog.force(is_forced);
+                self.after_watchdog(edge);
+            }
+            io::MCUCR => {
+                self.system.write_mcucr(value, edge);
+                self.look_at_pins(edge, env);
+            }
             io::SPL => self.core.sp = self.core.sp & 0xFF00 | u16::from(value),
             io::SPH => self.core.sp = self.core.sp & 0x00FF | u16::from(value) << 8,
             io::SREG => self.set_sreg_delayed(value),
-            io::CLKPR => {
-                self.system.write_clkpr(value, edge);
+            io::CLKPR => self.write_clkpr(value, edge, env),
+            io::PCIFR | io::EIFR | io::EIMSK | io::PCICR | io::EICRA | io::PCMSK0..=io::PCMSK2 => {
+                self.external.write(address, value);
+                self.update_watch(edge, env);
+                self.after_external(edge, env);
+            }
+            io::SPCR..=io::SPDR => self.write_spi(address, value, edge, env),
+            io::ACSR => self.write_comparator(value, edge, env),
+            io::SPMCSR => {
+                self.spm.write(value, edge);
+                self.after_spm(edge);
+            }
+            io::WDTCSR => {
+                self.watchdog.write(value, edge);
+                self.after_watchdog(edge);
+            }
+            io::TWBR..=io::TWAMR => {
+                self.twi.write(address - io::TWBR, value, edge);
+                self.after_twi(edge);
             }
             io::PRR => self.write_power(value, edge, env),
             io::OSCCAL => self.system.osccal = value,
@@ -150,17 +196,16 @@ impl Machine {
         0
     }
 
-    /// Registers of modules that are not modelled: switching the module off is harmless.
+    /// Registers of what is not modelled (asynchronous Timer2): zero switches it off.
     fn write_unmodelled(&mut self, address: u16, value: u8) {
         let Some(register) = self.device.register_name(address) else {
             self.report(address, ReportKind::WriteReserved);
             return;
         };
-        let is_off = value == 0 || (address == io::ACSR && value == 0x80);
-        if !is_off {
+        if value != 0 {
             self.fault = Some(Cause::NotModelled {
                 register,
-                what: "this module",
+                what: "the function of this register",
             });
         }
     }
@@ -202,6 +247,12 @@ impl Machine {
         }
         self.timers[number].write(register, value);
         self.after_timer(number, edge, env);
+        if register == Register::ControlB {
+            self.update_watch(edge, env);
+        }
+        if self.timers[number].is_reserved_mode() {
+            self.report(0, ReportKind::ReservedSetting);
+        }
     }
 
     fn read_gtccr(&self) -> u8 {
@@ -230,15 +281,53 @@ impl Machine {
         }
     }
 
-    fn write_mcucr(&mut self, value: u8) {
-        if value & 0x02 != 0 {
-            let what = "moving the interrupt vectors to the boot section";
-            self.fault = Some(Cause::NotModelled {
-                register: "MCUCR",
-                what,
-            });
+    /// The interrupt vectors begin at 0 or at the boot section (IVSEL).
+    pub(crate) fn vector_base(&self) -> u16 {
+        if self.system.mcucr & 2 != 0 {
+            self.boot_start()
+        } else {
+            0
         }
-        self.system.mcucr = value & 0x10;
+    }
+
+    fn write_clkpr<E: Environment>(&mut self, value: u8, edge: u64, env: &mut E) {
+        let old_hz = self.frequency_hz();
+        if self.system.write_clkpr(value, edge) {
+            let hz = self.frequency_hz();
+            self.watchdog.rescale(edge, old_hz, hz);
+            self.eeprom.rescale(edge, old_hz, hz);
+            self.after_watchdog(edge);
+            self.after_eeprom(edge);
+            env.clock_changed(edge, hz);
+        }
+    }
+
+    fn write_spi<E: Environment>(&mut self, address: u16, value: u8, edge: u64, env: &mut E) {
+        self.fire_events(edge, env);
+        match address {
+            io::SPCR => {
+                let is_selected = self.is_selected(edge, env);
+                self.spi.write_control(value, is_selected);
+                if self.spi.is_slave() && !is_selected {
+                    let what = "SPI as a slave";
+                    self.fault = Some(Cause::NotModelled {
+                        register: "SPCR",
+                        what,
+                    });
+                }
+                self.after_spi(edge, env);
+            }
+            io::SPSR => self.spi.write_status(value),
+            _ => self.write_spi_data(value, edge, env),
+        }
+    }
+
+    fn write_comparator<E: Environment>(&mut self, value: u8, edge: u64, env: &mut E) {
+        self.comparator.write(value);
+        let output = self.comparison(edge, env);
+        self.comparator.begin(output);
+        self.compare_inputs(edge, env);
+        self.update_watch(edge, env);
     }
 
     fn write_power<E: Environment>(&mut self, value: u8, edge: u64, env: &mut E) {
@@ -247,14 +336,16 @@ impl Machine {
             self.sync_timer(number, edge, env);
         }
         self.system.prr = value & 0xEF;
-        for number in 0..3 {
-            let off = self.system.is_off(TIMER_POWER[number]);
+        for (number, module) in TIMER_POWER.into_iter().enumerate() {
+            let off = self.system.is_off(module);
             self.timers[number].freeze(off);
             self.after_timer(number, edge, env);
         }
         let busy_adc = self.adc.is_busy() && self.system.is_off(power::ADC);
         let busy_usart = self.usart.is_sending() && self.system.is_off(power::USART);
-        if busy_adc || busy_usart {
+        let busy_spi = self.spi.is_busy() && self.system.is_off(power::SPI);
+        let busy_twi = self.twi.is_busy() && self.system.is_off(power::TWI);
+        if busy_adc || busy_usart || busy_spi || busy_twi {
             let what = "switching off a module that is busy";
             self.fault = Some(Cause::NotModelled {
                 register: "PRR",
@@ -285,13 +376,7 @@ impl Machine {
         for number in 0..2 {
             self.after_timer(number, edge, env);
         }
-        if matches!(self.adc.trigger_source(), Some(1 | 2)) {
-            let what = "conversion triggered by comparator or INT0";
-            self.fault = Some(Cause::NotModelled {
-                register: "ADCSRB",
-                what,
-            });
-        }
+        self.update_trigger(edge, env);
     }
 
     fn read_usart(&mut self, address: u16, at: u64) -> u8 {

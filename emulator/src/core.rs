@@ -6,7 +6,7 @@
 //! small, knows no peripheral and keeps its state in host registers.
 
 use crate::alu;
-use crate::isa::{Code, Op, decode, is_two_words};
+use crate::isa::{Code, Op, decode};
 
 /// Words the operation table holds: the whole range of the program counter, so that indexing
 /// with a `u16` needs no check.
@@ -42,6 +42,8 @@ pub(crate) struct Core {
     pub(crate) lowest_sp: u16,
     pub(crate) ram_start: u16,
     pub(crate) ram_bytes: u16,
+    /// LPM may have to read fuses or signature: leave it to the machine.
+    pub(crate) lpm_in_machine: bool,
 }
 
 fn boxed<T: Clone, const LEN: usize>(value: T) -> Box<[T; LEN]> {
@@ -67,6 +69,7 @@ impl Core {
             lowest_sp: ram_start + (ram_bytes - 1),
             ram_start,
             ram_bytes,
+            lpm_in_machine: false,
         };
         core.decode_words(0, flash_words);
         core
@@ -104,12 +107,6 @@ impl Core {
     /// The predecoded instruction at the program counter.
     pub(crate) fn op(&self) -> Op {
         self.ops[self.pc as usize]
-    }
-
-    /// Number of words of the instruction at the program counter.
-    pub(crate) fn words_here(&self) -> u16 {
-        let word = self.flash[self.pc as usize & (self.flash.len() - 1)];
-        1 + u16::from(is_two_words(word))
     }
 
     pub(crate) fn pc_mask(&self) -> u16 {
@@ -159,7 +156,7 @@ impl Core {
         let data = &mut *self.data;
         let flash = &self.flash[..];
         let (ram_start, ram_bytes) = (self.ram_start, self.ram_bytes);
-        let next_event = self.next_event;
+        let (next_event, lpm_in_machine) = (self.next_event, self.lpm_in_machine);
         let (mut pc, mut sp, mut sreg) = (self.pc, self.sp, self.sreg);
         let (mut cycle, mut instructions) = (self.cycle, self.instructions);
         let mut lowest_sp = self.lowest_sp;
@@ -468,10 +465,16 @@ impl Core {
                     next!(2);
                 }
                 Code::Lpm => {
+                    if lpm_in_machine {
+                        break Exit::Machine;
+                    }
                     reg!(op.d) = flash_byte(flash, pair(data, 30));
                     next!(3);
                 }
                 Code::LpmInc => {
+                    if lpm_in_machine {
+                        break Exit::Machine;
+                    }
                     let z = pair(data, 30);
                     set_pair(data, 30, z.wrapping_add(1));
                     reg!(op.d) = flash_byte(flash, z);

@@ -35,7 +35,7 @@ impl Device {
         Device::ALL
             .iter()
             .copied()
-            .find(|device| is(&device.name) || device.aliases.iter().any(|a| is(a)))
+            .find(|device| is(&device.name) || device.aliases.iter().any(is))
     }
 
     /// All devices.

@@ -7,6 +7,8 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::power::ResetCause;
+
 /// A digital pin: port B, C or D and bit.
 #[derive(Clone, Copy, PartialEq, Eq, Hash, PartialOrd, Ord)]
 pub struct Pin(u8);
@@ -100,6 +102,10 @@ pub enum AnalogInput {
     Bandgap,
     /// 0 V.
     Ground,
+    /// Positive input of the analog comparator, pin PD6.
+    Ain0,
+    /// Negative input of the analog comparator, pin PD7.
+    Ain1,
 }
 
 /// One finished conversion.
@@ -192,8 +198,56 @@ pub trait Environment {
         let _ = (cycle, value, data);
     }
 
-    /// The next cycle after `cycle` at which the environment changes a pin level or has a serial
-    /// byte to offer; `None`: no such change is planned.
+    /// The SPI master begins to send `byte` at `cycle`; the answer is what MISO brings meanwhile.
+    /// An open line reads 0xFF.
+    fn spi_exchange(&mut self, cycle: u64, byte: u8) -> u8 {
+        let _ = (cycle, byte);
+        0xFF
+    }
+
+    /// A START (or repeated START) on the two-wire bus.
+    fn twi_start(&mut self, cycle: u64) {
+        let _ = cycle;
+    }
+
+    /// The master has sent an address byte (7 bits of address, then 1 for reading). Returns
+    /// whether a slave acknowledges.
+    fn twi_address(&mut self, cycle: u64, address: u8) -> bool {
+        let _ = (cycle, address);
+        false
+    }
+
+    /// The master has sent a data byte. Returns whether the slave acknowledges.
+    fn twi_write(&mut self, cycle: u64, byte: u8) -> bool {
+        let _ = (cycle, byte);
+        false
+    }
+
+    /// The byte that the addressed slave sends; `acknowledged`: the master wants another one.
+    fn twi_read(&mut self, cycle: u64, acknowledged: bool) -> u8 {
+        let _ = (cycle, acknowledged);
+        0xFF
+    }
+
+    /// A STOP on the two-wire bus.
+    fn twi_stop(&mut self, cycle: u64) {
+        let _ = cycle;
+    }
+
+    /// The processor clock changes to `hz` at `cycle` (clock prescaler). From here on a cycle
+    /// lasts 1 / `hz` seconds.
+    fn clock_changed(&mut self, cycle: u64, hz: u64) {
+        let _ = (cycle, hz);
+    }
+
+    /// The chip is reset at `cycle`; all pins become inputs. The program begins later, after the
+    /// start-up delay.
+    fn reset(&mut self, cycle: u64, cause: ResetCause) {
+        let _ = (cycle, cause);
+    }
+
+    /// The next cycle after `cycle` at which the environment changes a pin level or a comparator
+    /// input, or has a serial byte to offer; `None`: no such change is planned.
     fn next_input(&self, cycle: u64) -> Option<u64> {
         let _ = cycle;
         None

@@ -84,19 +84,39 @@ impl Machine {
                 self.advance(1, 1);
                 Ok(())
             }
-            Code::Sleep => self.sleep(env),
+            Code::Sleep => {
+                self.advance(1, 1);
+                if self.system.sleep_enabled() {
+                    self.fall_asleep(env)
+                } else {
+                    Ok(())
+                }
+            }
             Code::Wdr => {
                 self.advance(1, 1);
+                self.watchdog.restart(self.core.cycle);
+                self.after_watchdog(self.core.cycle);
                 Ok(())
             }
             Code::JumpSelf => {
                 self.idle_loop(u64::from(op.n), until);
                 Ok(())
             }
-            Code::Spm => Err(Cause::NotModelled {
-                register: "SPMCSR",
-                what: "self-programming",
-            }),
+            Code::Spm => {
+                self.self_program();
+                self.advance(1, 1);
+                Ok(())
+            }
+            Code::Lpm | Code::LpmInc => {
+                let z = self.core.pair(30);
+                let value = self.load_program_memory(z);
+                if op.code == Code::LpmInc {
+                    self.core.set_pair(30, z.wrapping_add(1));
+                }
+                self.core.data[usize::from(op.d)] = value;
+                self.advance(1, 3);
+                Ok(())
+            }
             Code::Push | Code::Pop | Code::Call | Code::Icall | Code::Ret | Code::Reti => {
                 self.stack_op(op)
             }
@@ -231,28 +251,6 @@ impl Machine {
         self.write_data(address, new, at, env)
     }
 
-    fn sleep<E: Environment>(&mut self, env: &mut E) -> Result<(), Cause> {
-        if !self.system.sleep_enabled() {
-            self.advance(1, 1);
-            return Ok(());
-        }
-        match self.system.sleep_mode() {
-            0 => {}
-            _ => {
-                return Err(Cause::NotModelled {
-                    register: "SMCR",
-                    what: "a sleep mode other than Idle",
-                });
-            }
-        }
-        self.advance(1, 1);
-        self.is_sleeping = true;
-        // The delay after SEI is over: SLEEP was the instruction in between.
-        self.one_more = false;
-        self.fire_events(self.core.cycle, env);
-        Ok(())
-    }
-
     /// A jump to itself with interrupts enabled: repeats it up to the next event.
     fn idle_loop(&mut self, cycles: u64, until: u64) {
         let gap = self
@@ -267,7 +265,7 @@ impl Machine {
 
     /// Whether the chip may reset by itself although the program waits for nothing.
     fn may_reset(&self) -> bool {
-        false
+        self.watchdog.will_reset()
     }
 
     /// Lets the transmitter finish: its bytes appear at their own cycles, after the stop.

@@ -2,6 +2,11 @@
 
 /// Vector numbers of the ATmega48/88/168/328 family.
 pub(crate) mod vector {
+    pub(crate) const INT0: usize = 1;
+    pub(crate) const INT1: usize = 2;
+    pub(crate) const PCINT0: usize = 3;
+    pub(crate) const PCINT2: usize = 5;
+    pub(crate) const WDT: usize = 6;
     pub(crate) const TIMER2_COMPA: usize = 7;
     pub(crate) const TIMER2_COMPB: usize = 8;
     pub(crate) const TIMER2_OVF: usize = 9;
@@ -12,11 +17,15 @@ pub(crate) mod vector {
     pub(crate) const TIMER0_COMPA: usize = 14;
     pub(crate) const TIMER0_COMPB: usize = 15;
     pub(crate) const TIMER0_OVF: usize = 16;
+    pub(crate) const SPI_STC: usize = 17;
     pub(crate) const USART_RX: usize = 18;
     pub(crate) const USART_UDRE: usize = 19;
     pub(crate) const USART_TX: usize = 20;
     pub(crate) const ADC: usize = 21;
     pub(crate) const EE_READY: usize = 22;
+    pub(crate) const ANALOG_COMP: usize = 23;
+    pub(crate) const TWI: usize = 24;
+    pub(crate) const SPM_READY: usize = 25;
     pub(crate) const COUNT: usize = 26;
 }
 

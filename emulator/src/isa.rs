@@ -106,12 +106,6 @@ pub(crate) enum Code {
     Invalid,
 }
 
-impl Code {
-    /// Number of operations, for coverage tables.
-    #[cfg(test)]
-    pub(crate) const COUNT: usize = Code::Invalid as usize + 1;
-}
-
 /// One predecoded instruction. The meaning of the fields depends on `code`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(8))]

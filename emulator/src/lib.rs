@@ -37,24 +37,30 @@ mod disassembler;
 mod elf;
 mod environment;
 mod execute;
+mod fuses;
 mod hex;
 mod image;
 mod interrupts;
 mod isa;
 mod machine;
 mod peripherals;
+mod power;
 mod registers;
 mod schedule;
 mod stop;
 mod system;
 mod wiring;
+mod wiring_pins;
+mod wiring_serial;
 
 pub use device::{ATMEGA328P, Device};
 pub use disassembler::disassemble;
 pub use environment::{
     AnalogInput, Conversion, Environment, ParsePinError, Pin, SerialByte, Unconnected,
 };
+pub use fuses::Fuses;
 pub use image::{Image, LoadError, LoadProblem, Memory, Symbol};
 pub use interrupts::VectorStatistics;
 pub use machine::{Machine, Statistics, Supply};
+pub use power::ResetCause;
 pub use stop::{Cause, Crash, Report, ReportKind, Stop};

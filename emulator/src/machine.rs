@@ -3,14 +3,22 @@
 use crate::core::Core;
 use crate::device::Device;
 use crate::disassembler::disassemble;
+use crate::fuses::Fuses;
 use crate::image::Image;
 use crate::interrupts::{Interrupts, VectorStatistics};
 use crate::peripherals::adc::Adc;
+use crate::peripherals::comparator::Comparator;
 use crate::peripherals::eeprom::Eeprom;
+use crate::peripherals::external::{CaptureInput, External};
 use crate::peripherals::port::Port;
 use crate::peripherals::prescaler::Prescaler;
+use crate::peripherals::spi::Spi;
+use crate::peripherals::spm::Spm;
 use crate::peripherals::timer::Timer;
+use crate::peripherals::twi::Twi;
 use crate::peripherals::usart::Usart;
+use crate::peripherals::watchdog::Watchdog;
+use crate::power::{ResetCause, SleepMode};
 use crate::schedule::Schedule;
 use crate::stop::{Cause, Crash, Report, Stop};
 use crate::system::System;
@@ -76,15 +84,27 @@ pub struct Machine {
     pub(crate) adc: Adc,
     pub(crate) usart: Usart,
     pub(crate) eeprom: Eeprom,
+    pub(crate) comparator: Comparator,
+    pub(crate) external: External,
+    pub(crate) capture_input: CaptureInput,
+    pub(crate) spi: Spi,
+    pub(crate) twi: Twi,
+    pub(crate) watchdog: Watchdog,
+    pub(crate) spm: Spm,
+    pub(crate) fuses: Fuses,
     pub(crate) supply: Supply,
     /// Level of the selected ADC trigger flag when last looked at.
     pub(crate) trigger_level: bool,
     pub(crate) is_sleeping: bool,
+    pub(crate) sleep_mode: SleepMode,
+    pub(crate) asleep_since: u64,
     /// One more instruction executes before an interrupt is taken (after SEI and RETI).
     pub(crate) one_more: bool,
     /// Cycles for which the instruction just executed halts the processor.
     pub(crate) stall: u64,
     pub(crate) fault: Option<Cause>,
+    /// A reset to be carried out at the next instruction boundary.
+    pub(crate) pending_reset: Option<ResetCause>,
     pub(crate) statistics: Counters,
     pub(crate) reports: Vec<Report>,
 }
@@ -116,18 +136,29 @@ impl Machine {
             adc: Adc::new(),
             usart: Usart::new(),
             eeprom: Eeprom::new(device.eeprom_bytes),
+            comparator: Comparator::default(),
+            external: External::default(),
+            capture_input: CaptureInput::default(),
+            spi: Spi::default(),
+            twi: Twi::new(),
+            watchdog: Watchdog::default(),
+            spm: Spm::default(),
+            fuses: Fuses::default(),
             supply: Supply::default(),
             trigger_level: false,
             is_sleeping: false,
+            sleep_mode: SleepMode::Idle,
+            asleep_since: 0,
             one_more: false,
             stall: 0,
             fault: None,
+            pending_reset: None,
             statistics: Counters::default(),
             reports: Vec::new(),
         }
     }
 
-    /// Programs flash and, where the image has one, EEPROM. Image bytes beyond the device's
+    /// Programs flash and, where the image has them, EEPROM and fuses. Image bytes beyond the device's
     /// memories are refused when the image is read, not here: they are cut off.
     pub fn load(&mut self, image: &Image) {
         let words: Vec<u16> = image
@@ -139,6 +170,24 @@ impl Machine {
         self.core.write_flash(0, &words);
         let size = image.eeprom.len().min(self.eeprom.bytes.len());
         self.eeprom.bytes[..size].copy_from_slice(&image.eeprom[..size]);
+        if let Some([low, high, extended]) = image.fuses {
+            self.set_fuses(Fuses {
+                low,
+                high,
+                extended,
+            });
+        }
+    }
+
+    /// The fuses.
+    pub fn fuses(&self) -> Fuses {
+        self.fuses
+    }
+
+    /// Sets the fuses, before a run: clock division, reset address and watchdog follow them.
+    pub fn set_fuses(&mut self, fuses: Fuses) {
+        self.fuses = fuses;
+        self.start_from_fuses();
     }
 
     /// The device.

@@ -12,8 +12,7 @@ use crate::stop::{Cause, Stop};
 
 /// No event planned.
 pub(crate) const NEVER: u64 = u64::MAX;
-/// Cycles the processor is halted after waking from sleep, and cycles of an interrupt entry.
-const WAKE_HALT: u64 = 4;
+/// Cycles of an interrupt entry.
 const ENTRY: u64 = 4;
 
 /// Who planned an event.
@@ -26,11 +25,17 @@ pub(crate) enum Source {
     UsartTransmit,
     UsartReceive,
     Eeprom,
+    Pins,
+    Capture,
+    Spi,
+    Twi,
+    Watchdog,
+    Spm,
     Input,
 }
 
 impl Source {
-    const ALL: [Source; 8] = [
+    const ALL: [Source; 14] = [
         Source::Timer0,
         Source::Timer1,
         Source::Timer2,
@@ -38,6 +43,12 @@ impl Source {
         Source::UsartTransmit,
         Source::UsartReceive,
         Source::Eeprom,
+        Source::Pins,
+        Source::Capture,
+        Source::Spi,
+        Source::Twi,
+        Source::Watchdog,
+        Source::Spm,
         Source::Input,
     ];
 
@@ -62,7 +73,7 @@ impl Schedule {
     }
 
     /// The earliest event; of several in one cycle the first in the order of [`Source`].
-    fn earliest(&self) -> (u64, Source) {
+    pub(crate) fn earliest(&self) -> (u64, Source) {
         let mut best = (self.at[0], Source::ALL[0]);
         for source in Source::ALL {
             let at = self.at[source as usize];
@@ -82,6 +93,9 @@ impl Machine {
         self.poll_input(self.core.cycle, env);
         loop {
             self.fire_events(self.core.cycle, env);
+            if let Some(cause) = self.pending_reset.take() {
+                self.reset(cause, env);
+            }
             if env.stop_requested() {
                 return Stop::Requested;
             }
@@ -89,7 +103,7 @@ impl Machine {
                 return Stop::Limit;
             }
             if self.is_sleeping {
-                self.sleep_on(until);
+                self.sleep_on(until, env);
                 continue;
             }
             if self.may_interrupt() {
@@ -129,19 +143,6 @@ impl Machine {
         self.interrupts.any() && self.core.sreg & alu::I != 0 && !self.one_more
     }
 
-    /// Passes the time up to the next event, or wakes the processor.
-    fn sleep_on(&mut self, until: u64) {
-        let now = self.core.cycle;
-        if self.interrupts.any() && self.core.sreg & alu::I != 0 {
-            self.is_sleeping = false;
-            self.core.cycle += WAKE_HALT;
-            return;
-        }
-        let next = self.schedule.earliest().0.min(until).max(now);
-        self.statistics.sleeping_cycles += next - now;
-        self.core.cycle = next;
-    }
-
     fn enter_interrupt<E: Environment>(&mut self, env: &mut E) -> Result<(), Cause> {
         let Some(vector) = self.interrupts.highest() else {
             return Ok(());
@@ -153,7 +154,7 @@ impl Machine {
         self.core.push_pc(self.core.pc & self.core.pc_mask());
         self.core.sreg &= !alu::I;
         self.acknowledge(vector, self.core.cycle, env);
-        self.core.pc = vector as u16 * 2;
+        self.core.pc = self.vector_base() + vector as u16 * 2;
         self.core.cycle += ENTRY;
         Ok(())
     }
@@ -173,6 +174,12 @@ impl Machine {
                 Source::UsartTransmit => self.step_transmitter(at, env),
                 Source::UsartReceive => self.step_receiver(at, env),
                 Source::Eeprom => self.finish_eeprom(at),
+                Source::Pins => self.step_pins(at, env),
+                Source::Capture => self.step_capture(at, env),
+                Source::Spi => self.step_spi(at, env),
+                Source::Twi => self.step_twi(at, env),
+                Source::Watchdog => self.time_out(at),
+                Source::Spm => self.finish_spm(at),
                 Source::Input => self.poll_input(at, env),
             }
         }

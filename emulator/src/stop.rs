@@ -122,6 +122,8 @@ pub enum ReportKind {
     ReservedSetting,
     /// Access to a module that PRR has switched off.
     PoweredDown,
+    /// SPM outside the boot section has no effect.
+    SpmOutsideBootSection,
 }
 
 impl fmt::Display for Report {
@@ -130,6 +132,7 @@ impl fmt::Display for Report {
             ReportKind::ReadReserved => "read of an address without a register",
             ReportKind::WriteReserved => "write to an address without a register",
             ReportKind::ReservedSetting => "reserved setting of the register",
+            ReportKind::SpmOutsideBootSection => "SPM outside the boot section has no effect",
             ReportKind::PoweredDown => "access to a module switched off in PRR",
         };
         write!(

@@ -9,6 +9,8 @@ pub(crate) const CHANGE_WINDOW: u64 = 4;
 /// Power reduction bits in PRR.
 pub(crate) mod power {
     pub(crate) const ADC: u8 = 0x01;
+    pub(crate) const SPI: u8 = 0x04;
+    pub(crate) const TWI: u8 = 0x80;
     pub(crate) const USART: u8 = 0x02;
     pub(crate) const TIMER1: u8 = 0x08;
     pub(crate) const TIMER0: u8 = 0x20;
@@ -30,6 +32,8 @@ pub(crate) struct System {
     pub(crate) clock_shift: u8,
     /// Until which cycle a write to CLKPR may change the division.
     clock_change_until: u64,
+    /// Until which cycle IVSEL may change.
+    vector_change_until: u64,
     /// Next byte on the receive line, fetched from the environment ahead of its time.
     pub(crate) serial: Option<SerialByte>,
 }
@@ -38,7 +42,7 @@ impl System {
     pub(crate) fn new() -> System {
         System {
             smcr: 0,
-            // Power-on reset.
+            // PORF: power-on reset.
             mcusr: 0x01,
             mcucr: 0,
             prr: 0,
@@ -47,6 +51,7 @@ impl System {
             didr: [0; 2],
             clock_shift: 0,
             clock_change_until: 0,
+            vector_change_until: 0,
             serial: None,
         }
     }
@@ -68,6 +73,22 @@ impl System {
         self.clock_change_until = 0;
         self.clock_shift = (value & 15).min(8);
         true
+    }
+
+    /// MCUCR with effect at cycle `at`: bit 0 IVCE opens a window in which bit 1 IVSEL changes.
+    pub(crate) fn write_mcucr(&mut self, value: u8, at: u64) {
+        let is_open = at <= self.vector_change_until && self.vector_change_until > 0;
+        let vectors = if is_open && value & 1 == 0 {
+            value
+        } else {
+            self.mcucr
+        } & 2;
+        self.mcucr = value & 0x70 | vectors;
+        self.vector_change_until = if value & 1 != 0 {
+            at + CHANGE_WINDOW
+        } else {
+            0
+        };
     }
 
     pub(crate) fn sleep_enabled(&self) -> bool {

@@ -44,6 +44,10 @@ const COMPARE_PINS: [(usize, usize, usize, u8); 6] = [
 /// Pins of the serial line, both on port D.
 const RXD: u8 = 0x01;
 const TXD: u8 = 0x02;
+/// Pins of the SPI, all on port B.
+const MOSI: u8 = 0x08;
+const MISO: u8 = 0x10;
+const SCK: u8 = 0x20;
 
 impl Machine {
     /// Brings timer `number` forward to cycle `at` and passes on what happened.
@@ -88,6 +92,12 @@ impl Machine {
                 over.drive(mask, self.timers[timer].output(channel));
             }
         }
+        if port == 0 && self.spi.is_master() {
+            let (clock, data) = self.spi.outputs();
+            over.drive(SCK, Some(clock));
+            over.drive(MOSI, Some(data));
+            over.force_in |= MISO;
+        }
         if port == 2 && self.usart.transmits() {
             over.drive(TXD, Some(true));
             over.force_out |= TXD;
@@ -100,14 +110,23 @@ impl Machine {
         for bit in (0..8).filter(|bit| edges >> bit & 1 != 0) {
             env.pin_edge(at, Pin::at(port, bit), level >> bit & 1 != 0);
         }
+        if self.external.watched()[port] != 0 {
+            self.look_at_pins(at, env);
+        }
     }
 
-    /// Levels of the pins of a port during cycle `at`, before the synchroniser.
-    pub(crate) fn pin_levels<E: Environment>(&self, port: usize, at: u64, env: &mut E) -> u8 {
+    /// Levels of the pins of `mask` of a port during cycle `at`, before the synchroniser.
+    pub(crate) fn pin_levels<E: Environment>(
+        &self,
+        port: usize,
+        mask: u8,
+        at: u64,
+        env: &mut E,
+    ) -> u8 {
         let (driven, level) = self.ports[port].outputs(at);
         let pull_ups = self.ports[port].pull_ups(self.system.mcucr & 0x10 != 0);
         let mut levels = level;
-        for bit in (0..8).filter(|bit| driven >> bit & 1 == 0) {
+        for bit in (0..8).filter(|bit| (mask & !driven) >> bit & 1 != 0) {
             let pulled = pull_ups >> bit & 1 != 0;
             let high = env.pin_level(at, Pin::at(port, bit)).unwrap_or(pulled);
             levels |= u8::from(high) << bit;
@@ -117,7 +136,7 @@ impl Machine {
 
     /// Value of PINx read in cycle `at`: synchronised, and 0 where DIDR disables the buffer.
     pub(crate) fn read_pins<E: Environment>(&self, port: usize, at: u64, env: &mut E) -> u8 {
-        let levels = self.pin_levels(port, at.saturating_sub(1), env);
+        let levels = self.pin_levels(port, 0xFF, at.saturating_sub(1), env);
         match port {
             1 => levels & !(self.system.didr[0] & 0x3F),
             2 => levels & !((self.system.didr[1] & 3) << 6),
@@ -144,6 +163,8 @@ impl Machine {
     /// Starts a conversion if the selected trigger flag has risen.
     pub(crate) fn update_trigger<E: Environment>(&mut self, at: u64, env: &mut E) {
         let level = match self.adc.trigger_source() {
+            Some(1) => self.comparator.output(),
+            Some(2) => self.external.int_flag(0),
             Some(3) => self.timers[0].flags() & OCFA != 0,
             Some(4) => self.timers[0].flags() & TOV != 0,
             Some(5) => self.timers[1].flags() & OCFB != 0,
@@ -192,7 +213,12 @@ impl Machine {
         self.after_adc(at);
     }
 
-    fn analog_input<E: Environment>(&self, mux: u8, at: u64, env: &mut E) -> (AnalogInput, f64) {
+    pub(crate) fn analog_input<E: Environment>(
+        &self,
+        mux: u8,
+        at: u64,
+        env: &mut E,
+    ) -> (AnalogInput, f64) {
         let input = match mux {
             0..=7 => AnalogInput::Pin(mux),
             8 => AnalogInput::Temperature,
@@ -207,75 +233,24 @@ impl Machine {
         (input, volts)
     }
 
-    pub(crate) fn after_usart(&mut self, at: u64) {
-        let requests = self.usart.requests();
-        self.interrupts
-            .request(vector::USART_RX, requests.receive, at);
-        self.interrupts
-            .request(vector::USART_UDRE, requests.empty, at);
-        self.interrupts
-            .request(vector::USART_TX, requests.transmit, at);
-        self.schedule
-            .set(Source::UsartTransmit, self.usart.next_event());
-        let receive = self
-            .usart
-            .receive_event()
-            .or(self.system.serial.map(|b| b.start_cycle.max(at)));
-        self.schedule.set(Source::UsartReceive, receive);
-    }
-
-    pub(crate) fn step_transmitter<E: Environment>(&mut self, at: u64, env: &mut E) {
-        if let Some(frame) = self.usart.step(at) {
-            self.statistics.uart_bytes += 1;
-            env.uart_tx(at, frame as u8);
-        }
-        self.after_usart(at);
-        if !self.usart.transmits() {
-            self.update_port(2, at, env);
-        }
-    }
-
-    /// A frame is complete, or the next one begins.
-    pub(crate) fn step_receiver<E: Environment>(&mut self, at: u64, env: &mut E) {
-        if self.usart.receive_event().is_some() {
-            self.usart.end_receive();
-        } else if let Some(serial) = self.system.serial.take() {
-            // A byte for a receiver that is switched off is lost, as on the wire.
-            self.usart.begin_receive(serial.byte, serial.ninth, at);
-        }
-        self.poll_serial(at, env);
-        self.after_usart(at);
-    }
-
-    fn poll_serial<E: Environment>(&mut self, at: u64, env: &mut E) {
-        if self.system.serial.is_none() && self.usart.receive_event().is_none() {
-            self.system.serial = env.uart_rx(at);
-        }
-    }
-
     /// Takes notice of what the environment has changed by cycle `at`.
     pub(crate) fn poll_input<E: Environment>(&mut self, at: u64, env: &mut E) {
         self.poll_serial(at, env);
-        self.after_usart(at);
+        if !self.is_io_stopped() {
+            self.after_usart(at);
+        }
+        self.look_at_pins(at, env);
+        if self.comparator.is_watched() {
+            self.compare_inputs(at, env);
+        }
         let next = env.next_input(at).map(|next| next.max(at + 1));
         self.schedule.set(Source::Input, next);
     }
 
-    pub(crate) fn after_eeprom(&mut self, at: u64) {
-        self.interrupts
-            .request(vector::EE_READY, self.eeprom.requests(), at);
-        self.schedule.set(Source::Eeprom, self.eeprom.next_event());
-    }
-
-    pub(crate) fn finish_eeprom(&mut self, at: u64) {
-        self.eeprom.finish();
-        self.after_eeprom(at);
-    }
-
     /// Clears the flag of a vector that is being entered, where entry clears it.
     pub(crate) fn acknowledge<E: Environment>(&mut self, vector: usize, at: u64, env: &mut E) {
-        for number in 0..3 {
-            for (bit, timer_vector) in TIMER_VECTORS[number] {
+        for (number, vectors) in TIMER_VECTORS.into_iter().enumerate() {
+            for (bit, timer_vector) in vectors {
                 if bit != 0 && timer_vector == vector {
                     self.sync_timer(number, at, env);
                     self.timers[number].clear_flags(bit);
@@ -291,6 +266,26 @@ impl Machine {
             vector::ADC => {
                 self.adc.clear_flag();
                 self.after_adc(at);
+            }
+            vector::INT0 | vector::INT1 => {
+                self.external.clear_int(vector - vector::INT0);
+                self.after_external(at, env);
+            }
+            vector::PCINT0..=vector::PCINT2 => {
+                self.external.clear_change(vector - vector::PCINT0);
+                self.after_external(at, env);
+            }
+            vector::WDT => {
+                self.watchdog.acknowledge();
+                self.after_watchdog(at);
+            }
+            vector::SPI_STC => {
+                self.spi.clear_flag();
+                self.after_spi(at, env);
+            }
+            vector::ANALOG_COMP => {
+                self.comparator.clear_flag();
+                self.after_comparator(at, env);
             }
             _ => {}
         }

@@ -58,6 +58,14 @@ impl Eeprom {
         self.busy_until = None;
     }
 
+    /// The processor clock changes: the time left stays.
+    pub(crate) fn rescale(&mut self, at: u64, old_hz: u64, new_hz: u64) {
+        if let Some(until) = &mut self.busy_until {
+            let left = u128::from(until.saturating_sub(at)) * u128::from(new_hz);
+            *until = at + (left / u128::from(old_hz)) as u64;
+        }
+    }
+
     pub(crate) fn is_busy(&self) -> bool {
         self.busy_until.is_some()
     }

@@ -6,11 +6,17 @@
 //! A register write in cycle `t` takes effect at the clock edge that ends the cycle, `t + 1`.
 
 pub(crate) mod adc;
+pub(crate) mod comparator;
 pub(crate) mod eeprom;
+pub(crate) mod external;
 pub(crate) mod port;
 pub(crate) mod prescaler;
+pub(crate) mod spi;
+pub(crate) mod spm;
 pub(crate) mod timer;
 pub(crate) mod timer_mode;
 #[cfg(test)]
 mod timer_tests;
+pub(crate) mod twi;
 pub(crate) mod usart;
+pub(crate) mod watchdog;

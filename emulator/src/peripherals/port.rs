@@ -41,6 +41,14 @@ pub(crate) struct Port {
 }
 
 impl Port {
+    /// Registers and output stage as after a reset; what was reported stays known.
+    pub(crate) fn reset(&mut self) {
+        *self = Port {
+            reported: self.reported,
+            ..Port::default()
+        };
+    }
+
     /// Works out the output stage from registers and overrides, at cycle `at`. Returns the pins
     /// whose driven level differs from the last one reported.
     pub(crate) fn update(&mut self, over: Override, at: u64) -> u8 {

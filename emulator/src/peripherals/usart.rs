@@ -53,6 +53,8 @@ pub(crate) struct Usart {
     /// A complete third frame that waits in the shift register.
     waiting: Option<Received>,
     overrun: bool,
+    /// Cycle at which the stop bits of the last received frame end.
+    line_free_at: u64,
     /// Frame being received and the cycle at which it is complete.
     receiving: Option<(Received, u64)>,
 }
@@ -73,6 +75,7 @@ impl Usart {
             waiting: None,
             overrun: false,
             receiving: None,
+            line_free_at: 0,
         }
     }
 
@@ -252,6 +255,11 @@ impl Usart {
         self.receiving.map(|(_, end)| end)
     }
 
+    /// First cycle at which the next received frame can begin.
+    pub(crate) fn line_free_at(&self) -> u64 {
+        self.line_free_at
+    }
+
     /// A start bit at cycle `at` of a frame with `byte`. Returns false if the receiver is off.
     pub(crate) fn begin_receive(&mut self, byte: u8, ninth: bool, at: u64) -> bool {
         if !self.receives() {
@@ -266,10 +274,22 @@ impl Usart {
             byte: byte & mask,
             ninth: ninth && self.data_bits() == 9,
         };
+        self.line_free_at = at + self.frame_bits() * self.bit_cycles();
         let bits_before_stop = 1 + self.data_bits() + self.parity_bits();
         let end = at + bits_before_stop * self.bit_cycles() + self.bit_cycles() / 2;
         self.receiving = Some((frame, end));
         true
+    }
+
+    /// The clock stood still for `cycles`.
+    pub(crate) fn shift(&mut self, cycles: u64) {
+        self.origin += cycles;
+        self.line_free_at += cycles;
+        self.load_at = self.load_at.map(|at| at + cycles);
+        self.shifting = self
+            .shifting
+            .map(|(f, start, end)| (f, start + cycles, end + cycles));
+        self.receiving = self.receiving.map(|(frame, end)| (frame, end + cycles));
     }
 
     /// The frame being received is complete.
