@@ -57,9 +57,9 @@ impl<M: Arithmetic> Averager<M> {
         }
     }
 
-    /// The channel whose conversion comes next.
-    pub const fn channel(&self) -> u8 {
-        self.channel
+    /// The channel after the one whose conversion comes next.
+    pub const fn next_channel(&self) -> u8 {
+        (self.channel + 1) % CHANNELS as u8
     }
 
     /// True once the warm-up is over.
@@ -72,7 +72,7 @@ impl<M: Arithmetic> Averager<M> {
     pub fn push(&mut self, m: &M, code: AdcCode) -> Option<Sums<M>> {
         let channel = usize::from(self.channel);
         let last = channel + 1 == CHANNELS;
-        self.channel = if last { 0 } else { self.channel + 1 };
+        self.channel = self.next_channel();
         if self.warm_up > 0 {
             self.warm_up -= u16::from(last);
             return None;

@@ -12,7 +12,7 @@ use crate::calibration::{Calibration, NOMINAL, decode};
 use crate::frame::Frame;
 use crate::hal::{Serial, TriggeredAdc};
 
-/// One sample interrupt: takes the result, selects the next channel, re-arms the trigger. Returns
+/// One sample interrupt: takes the result, re-arms the trigger, selects the next channel. Returns
 /// the sums when a solution's conversions are complete, and whether the trigger came late (the first
 /// conversion after reset takes longer than the others, so that the warm-up does not count).
 #[inline(always)]
@@ -22,10 +22,12 @@ pub fn sample<M: Arithmetic>(
     adc: &mut impl TriggeredAdc,
 ) -> (Option<Sums<M>>, bool) {
     let code = adc.result();
-    let settled = averager.is_settled();
-    let sums = averager.push(m, code);
-    adc.select(averager.channel());
-    (sums, !adc.rearm() && settled)
+    // First what the next trigger waits for: there are 269 cycles from the end of a conversion to
+    // it, and other interrupts may have taken some of them.
+    let missed = !adc.rearm();
+    adc.select(averager.next_channel());
+    let late = missed && averager.is_settled();
+    (averager.push(m, code), late)
 }
 
 /// The solver with its state: from sums to frames.
