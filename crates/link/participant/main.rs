@@ -2,14 +2,16 @@
 //!
 //! `link-participant ROLE SESSION [records=N] [batch=N] [batches=N] [slow=MICROSECONDS] [blob=BYTES]
 //! [join=MILLISECONDS] [format=N] [stall=SECONDS]`
+//!
+//! `link-participant supervise SESSION [key=value]...` starts all four and tells how they ended.
 
-use std::process::ExitCode;
+use std::process::{Command, ExitCode};
 use std::time::{Duration, Instant};
 
 use cardan_link::stream::{Conversions, Frames, IdealNodes, Nodes, RealNodes, Stream, Truth};
 use cardan_link::{
-    Conversion, Counters, Frame, LinkError, NodeReal, NodeWord, Options, Reader, Role, Session,
-    TruthSample,
+    Conversion, Counters, Frame, LinkError, NodeReal, NodeWord, Options, Participant, Reader, Role,
+    Session, Supervisor, TruthSample,
 };
 
 /// One solution, that is one value per node and one frame, per so many conversions.
@@ -26,6 +28,9 @@ struct Load {
 
 fn main() -> ExitCode {
     let args: Vec<_> = std::env::args().skip(1).collect();
+    if args.first().is_some_and(|first| first == "supervise") {
+        return supervise(&args[1..]);
+    }
     let (options, load) = match parse(&args) {
         Ok(parsed) => parsed,
         Err(error) => {
@@ -47,6 +52,31 @@ fn main() -> ExitCode {
         }
         Err(error) => {
             eprintln!("{role}: {error}");
+            ExitCode::from(error.exit_code() as u8)
+        }
+    }
+}
+
+fn supervise(args: &[String]) -> ExitCode {
+    let program = std::env::current_exe().expect("this program has a path");
+    let session = args[0].parse().expect("a session id");
+    let participants = Role::ALL.map(|role| {
+        let mut command = Command::new(&program);
+        command.arg(role.name()).args(args);
+        Participant {
+            capture_stdout: true,
+            ..Participant::new(role, command)
+        }
+    });
+    match Supervisor::start(&session, participants.into()).and_then(Supervisor::wait) {
+        Ok(finished) => {
+            finished
+                .iter()
+                .for_each(|one| print!("{}", String::from_utf8_lossy(&one.stdout)));
+            ExitCode::SUCCESS
+        }
+        Err(error) => {
+            eprintln!("{error}");
             ExitCode::from(error.exit_code() as u8)
         }
     }

@@ -1,42 +1,241 @@
 //! Removes what killed participants leave behind, and touches nothing of anyone alive.
+//!
+//! iceoryx2 cleans up behind dead nodes. A process that is killed while it creates its node or a
+//! service leaves pieces that iceoryx2 does not attribute to any node; those are found here by the
+//! process id and time that iceoryx2 puts into every name, and by the names of the session's
+//! services. Shared memory can be listed on Linux only; elsewhere such pieces stay.
 
-use iceoryx2::node::{Node, NodeState, NodeView};
-use iceoryx2::prelude::{CallbackProgression, ipc};
+use std::collections::BTreeSet;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::time::Duration;
 
+use iceoryx2::config::Config;
+use iceoryx2::node::{DeadNodeView, Node, NodeState, NodeView};
+use iceoryx2::prelude::{CallbackProgression, MessagingPattern, Service, ServiceName, ipc};
+use iceoryx2::service::service_hash::ServiceHash;
+use iceoryx2::unique_id_generator::unique_system_id::UniqueSystemId;
+
+use crate::error::LinkError;
+use crate::role::Role;
 use crate::session_id::SessionId;
-use crate::transport::{config, node_prefix};
+use crate::stream::{Stream, Visitor, for_each};
+use crate::transport::{config, node_prefix, service_text};
+
+/// Where Linux keeps POSIX shared memory.
+const SHARED_MEMORY: &str = "/dev/shm";
+
+/// How long another process may take that is cleaning up the same node.
+const PATIENCE: Duration = Duration::from_millis(500);
+
+/// Far longer than the creation of a segment takes.
+const CREATION_TIME: Duration = Duration::from_secs(1);
 
 /// Removes everything that dead participants of a session left in shared memory and in iceoryx2's
-/// folder. Call it when all its participants have been reaped.
+/// folder. For participants that were started by hand; a [`Supervisor`](crate::Supervisor) does it
+/// by itself.
 pub fn cleanup(session: &SessionId) {
     crate::quieten();
-    remove_dead_nodes(session);
+    sweep(session, &BTreeSet::new());
 }
 
-pub(crate) struct Remains;
-impl Remains {
-    pub(crate) fn begin() -> Self {
-        Self
+/// A process that is known to be gone, or the part of a name that tells which process made it.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Owner {
+    /// Process id as iceoryx2 sees it, outside of any container.
+    pub(crate) pid: i32,
+}
+
+impl Owner {
+    /// The maker of something that iceoryx2 named by this id.
+    pub(crate) fn of(id: u128) -> Self {
+        Self {
+            pid: UniqueSystemId::from(id).pid().value(),
+        }
+    }
+
+    /// A running child of this process.
+    pub(crate) fn of_child(pid: u32) -> Self {
+        let status = fs::read_to_string(format!("/proc/{pid}/status")).unwrap_or_default();
+        let outer = status.lines().find_map(|line| line.strip_prefix("NSpid:"));
+        let outer = outer.and_then(|pids| pids.split_whitespace().next()?.parse().ok());
+        Self {
+            pid: outer.unwrap_or(pid as i32),
+        }
     }
 }
-pub(crate) fn sweep(session: &SessionId, _: &Remains, _pids: &[u32]) {
-    cleanup(session)
+
+/// Cleans up behind the session's dead nodes, and behind `gone`, which must have been reaped.
+pub(crate) fn sweep(session: &SessionId, gone: &BTreeSet<Owner>) {
+    let config = config();
+    let (dead, any_alive) = nodes(&config, session);
+    let mut gone = gone.clone();
+    gone.extend(dead.iter().map(|node| Owner::of(node.id().value())));
+    // A number that is in use again belongs to somebody else by now.
+    gone.retain(|owner| !Path::new(&format!("/proc/{}", owner.pid)).exists());
+    remove_unfinished(&gone);
+    for node in dead {
+        // What cannot be removed this way is removed below.
+        let _ = node.blocking_remove_stale_resources(PATIENCE);
+    }
+    if any_alive {
+        return;
+    }
+    let root = PathBuf::from(config.global.root_path().to_string());
+    for path in owned(Path::new(SHARED_MEMORY), &gone) {
+        remove(&path);
+    }
+    for path in owned(&PathBuf::from(config.global.node_dir().to_string()), &gone) {
+        remove(&path);
+    }
+    remove_services(
+        &root.join(config.global.service.directory.to_string()),
+        session,
+    );
 }
 
-/// Lets iceoryx2 clean up behind the session's dead nodes.
-pub(crate) fn remove_dead_nodes(session: &SessionId) {
+/// The session's dead nodes, and whether there is a living one.
+fn nodes(config: &Config, session: &SessionId) -> (Vec<DeadNodeView<ipc::Service>>, bool) {
     let prefix = node_prefix(session);
-    let mut dead = Vec::new();
-    let _ = Node::<ipc::Service>::list(&config(), |state| {
-        if let NodeState::Dead(node) = state {
-            let details = node.details().as_ref();
-            if details.is_some_and(|details| details.name().as_str().starts_with(&prefix)) {
-                dead.push(node);
-            }
+    let (mut dead, mut any_alive) = (Vec::new(), false);
+    let is_ours = |view: &dyn NodeView| {
+        let details = view.details().as_ref();
+        details.is_some_and(|details| details.name().as_str().starts_with(&prefix))
+    };
+    // A list that breaks off leaves nodes for the next clean-up.
+    let _ = Node::<ipc::Service>::list(config, |state| {
+        match state {
+            NodeState::Dead(node) if is_ours(&node) => dead.push(node),
+            NodeState::Alive(node) => any_alive |= is_ours(&node),
+            _ => {}
         }
         CallbackProgression::Continue
     });
-    for node in dead {
-        let _ = node.try_remove_stale_resources();
+    (dead, any_alive)
+}
+
+/// Removes shared memory that one of `gone` was creating when it was killed. iceoryx2 0.10 waits
+/// for ever for a segment without a size, so this also frees those who wait for one.
+pub(crate) fn remove_unfinished(gone: &BTreeSet<Owner>) {
+    for path in owned(Path::new(SHARED_MEMORY), gone) {
+        if is_unfinished(&path) {
+            remove(&path);
+        }
+    }
+}
+
+/// Removes iceoryx2's own management segment if whoever created it was killed meanwhile: no node
+/// could ever be created again.
+pub(crate) fn remove_unfinished_management() {
+    let Ok(entries) = fs::read_dir(SHARED_MEMORY) else {
+        return;
+    };
+    for path in entries.flatten().map(|entry| entry.path()) {
+        let is_management = path
+            .extension()
+            .is_some_and(|extension| extension == "global_mgmt");
+        let age = fs::metadata(&path).and_then(|meta| meta.modified());
+        let age = age.ok().and_then(|modified| modified.elapsed().ok());
+        if is_management && is_unfinished(&path) && age > Some(CREATION_TIME) {
+            remove(&path);
+        }
+    }
+}
+
+/// iceoryx2 makes a segment readable as the last step of its creation.
+fn is_unfinished(path: &Path) -> bool {
+    const OWNER_READ: u32 = 0o400;
+    fs::metadata(path).is_ok_and(|meta| meta.permissions().mode() & OWNER_READ == 0)
+}
+
+/// The entries of a folder that were made by one of `gone`.
+fn owned(folder: &Path, gone: &BTreeSet<Owner>) -> Vec<PathBuf> {
+    let Ok(entries) = fs::read_dir(folder) else {
+        return Vec::new();
+    };
+    let is_owned = |entry: &fs::DirEntry| {
+        let ids = entry.file_name().to_str().map(ids_in).unwrap_or_default();
+        ids.iter().any(|&id| gone.contains(&Owner::of(id)))
+    };
+    entries
+        .flatten()
+        .filter(is_owned)
+        .map(|entry| entry.path())
+        .collect()
+}
+
+/// The iceoryx2 ids in a file name: `iox2_ID.node_monitor`, `iox2_HASH_ID.data`,
+/// `iox2_HASH_ID_ID.connection`, or a folder `ID`. A hash is too long to be an id.
+fn ids_in(name: &str) -> Vec<u128> {
+    let stem = name.split('.').next().unwrap_or(name);
+    let is_ours = stem.starts_with("iox2_") || stem == name;
+    let numbers = stem.split('_').filter_map(|part| part.parse().ok());
+    if is_ours {
+        numbers.collect()
+    } else {
+        Vec::new()
+    }
+}
+
+/// Removes the descriptions of the session's services, which are named by a hash alone.
+fn remove_services(folder: &Path, session: &SessionId) {
+    struct Remove<'a>(&'a Path, &'a SessionId);
+
+    impl Visitor for Remove<'_> {
+        fn visit<S: Stream>(&mut self, _: S) -> Result<(), LinkError> {
+            for &writer in S::WRITERS {
+                if let Some(file) = description::<S>(self.1, writer) {
+                    remove(&self.0.join(file));
+                }
+            }
+            Ok(())
+        }
+    }
+
+    // The visitor itself cannot fail.
+    let _ = for_each(&mut Remove(folder, session));
+}
+
+/// Name of the file in which iceoryx2 describes a service.
+fn description<S: Stream>(session: &SessionId, writer: Role) -> Option<String> {
+    type Hasher = <ipc::Service as Service>::ServiceNameHasher;
+    let name = ServiceName::new(&service_text::<S>(session, writer)).ok()?;
+    let hash = ServiceHash::new::<Hasher>(&name, MessagingPattern::PublishSubscribe);
+    Some(format!("iox2_{}.service", hash.as_str()))
+}
+
+fn remove(path: &Path) {
+    // Gone already, or of another user: neither is ours to remove.
+    let _ = if path.is_dir() {
+        fs::remove_dir_all(path)
+    } else {
+        fs::remove_file(path)
+    };
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const HASH: &str = "0354a209029e7d094a819e2d4030ea331e6caaf0";
+
+    #[test]
+    fn ids_are_found_in_every_kind_of_name_and_hashes_are_not_taken_for_one() {
+        assert_eq!(ids_in("iox2_11.node_monitor_context"), [11]);
+        assert_eq!(ids_in(&format!("iox2_{HASH}_12.data")), [12]);
+        assert_eq!(ids_in(&format!("iox2_{HASH}_13_14.connection")), [13, 14]);
+        assert_eq!(ids_in("15"), [15]);
+        let digits = "9".repeat(40);
+        assert_eq!(ids_in(&format!("iox2_{digits}_16.dynamic")), [16]);
+        assert_eq!(ids_in(&format!("iox2_{HASH}_node.0_10_0.global_mgmt")), []);
+        assert_eq!(ids_in("other_17.data"), []);
+    }
+
+    #[test]
+    fn an_id_tells_the_process_that_made_it() {
+        let id = UniqueSystemId::new().expect("the clock runs");
+        let me = Owner::of_child(std::process::id());
+        assert_eq!(Owner::of(id.value()), me);
     }
 }

@@ -28,6 +28,9 @@ const BLOB_BATCH: usize = 64 * 1024;
 /// How long a failed transfer waits for the watch to name the peer that caused it.
 const BLAME_TIME: Duration = Duration::from_millis(1000);
 
+/// By then every peer has noticed a death.
+const NOTICE_TIME: Duration = Duration::from_millis(400);
+
 /// How to take part in a session.
 #[derive(Debug, Clone)]
 pub struct Options {
@@ -125,8 +128,32 @@ pub(crate) struct Shared {
     inputs: RefCell<Vec<Rc<dyn AnyInput>>>,
     notices: RefCell<Vec<Rc<Input<Notice>>>>,
     ready: [Cell<bool>; Role::ALL.len()],
-    /// Last, so that the node outlives its ports.
+    /// After the ports, which it outlives.
     domain: Domain,
+    /// Last of all: by then this participant has left.
+    _last: CleanUp,
+}
+
+/// Cleans up behind a killed peer where no supervisor does.
+struct CleanUp {
+    session: SessionId,
+    verdict: Arc<Verdict>,
+    by_hand: bool,
+}
+
+impl Drop for CleanUp {
+    fn drop(&mut self) {
+        let killed = Err(Death::Killed);
+        let how = self.verdict.check().map_err(|error| match error {
+            LinkError::PeerDied { how, .. } => how,
+            _ => Death::Left,
+        });
+        if self.by_hand && how == killed {
+            // The others must have noticed before the traces are gone.
+            std::thread::sleep(NOTICE_TIME);
+            cleanup::cleanup(&self.session);
+        }
+    }
 }
 
 impl Shared {
@@ -244,11 +271,12 @@ impl Session {
     /// participant of this role, [`LinkError::PeerDied`] one that went meanwhile.
     pub fn join(options: Options) -> Result<Self, LinkError> {
         crate::quieten();
+        cleanup::remove_unfinished_management();
         let verdict = Arc::<Verdict>::default();
         if options.supervised {
             watch_supervisor(Arc::clone(&verdict));
         } else if options.transport == Transport::Processes {
-            cleanup::remove_dead_nodes(&options.session);
+            cleanup::cleanup(&options.session);
         }
         let mut stale = peers(options.transport, &options.session)?;
         stale.retain(|peer| !peer.alive);
@@ -261,6 +289,13 @@ impl Session {
             Arc::clone(&verdict),
         );
         let deadline = Instant::now() + options.join_timeout;
+        let by_hand = !options.supervised && options.transport == Transport::Processes;
+        let (session, blame) = (options.session.clone(), Arc::clone(&verdict));
+        let last = CleanUp {
+            session,
+            verdict: blame,
+            by_hand,
+        };
         let shared = Rc::new(Shared {
             options,
             verdict,
@@ -268,6 +303,7 @@ impl Session {
             notices: RefCell::default(),
             ready: Default::default(),
             domain,
+            _last: last,
         });
         let mut session = Self {
             outputs: Vec::new(),
@@ -530,22 +566,7 @@ impl Drop for Session {
         if !self.closed {
             self.abort();
         }
-        let failure = self.shared.check().err();
         drop(self.watch.take());
-        let by_hand = !self.shared.options.supervised;
-        if by_hand
-            && matches!(
-                failure,
-                Some(LinkError::PeerDied {
-                    how: Death::Killed,
-                    ..
-                })
-            )
-        {
-            // Nobody else cleans up behind the dead. The others must have noticed before.
-            std::thread::sleep(Duration::from_millis(400));
-            cleanup::remove_dead_nodes(&self.shared.options.session);
-        }
     }
 }
 

@@ -9,7 +9,7 @@ use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitSta
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::cleanup::{Remains, sweep};
+use crate::cleanup::{Owner, sweep};
 use crate::role::Role;
 use crate::session_id::SessionId;
 
@@ -161,6 +161,7 @@ fn quoted(stderr: &str) -> String {
 struct Running {
     role: Role,
     child: Child,
+    owner: Owner,
     completes_with: Vec<i32>,
     stdin: Option<ChildStdin>,
     stdout: Option<JoinHandle<Vec<u8>>>,
@@ -204,6 +205,7 @@ impl Running {
                 .stderr
                 .take()
                 .map(|pipe| std::thread::spawn(move || read_tail(pipe, forward_stderr))),
+            owner: Owner::of_child(child.id()),
             child,
             ending: None,
         })
@@ -277,7 +279,6 @@ fn read_tail(pipe: ChildStderr, forward: bool) -> String {
 pub struct Supervisor {
     session: SessionId,
     children: Vec<Running>,
-    remains: Remains,
 }
 
 impl Supervisor {
@@ -292,7 +293,6 @@ impl Supervisor {
         let mut supervisor = Self {
             session: session.clone(),
             children: Vec::new(),
-            remains: Remains::begin(),
         };
         for participant in participants {
             supervisor.children.push(Running::start(participant)?);
@@ -393,12 +393,10 @@ impl Supervisor {
     }
 
     fn clean(&self) {
-        let pids: Vec<_> = self
-            .children
-            .iter()
-            .map(|running| running.child.id())
-            .collect();
-        sweep(&self.session, &self.remains, &pids);
+        sweep(
+            &self.session,
+            &self.children.iter().map(|running| running.owner).collect(),
+        );
     }
 }
 

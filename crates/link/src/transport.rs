@@ -146,6 +146,11 @@ pub(crate) fn node_prefix(session: &SessionId) -> String {
     format!("cardan/{session}/")
 }
 
+/// Name of the service that carries a stream.
+pub(crate) fn service_text<S: Stream>(session: &SessionId, writer: Role) -> String {
+    format!("{}{writer}/{}", node_prefix(session), S::NAME)
+}
+
 fn new_node<V: Service>(session: &SessionId, role: Role) -> Result<Node<V>, LinkError> {
     let name = format!("{}{role}", node_prefix(session));
     let failed = |cause: &dyn std::fmt::Debug| LinkError::transport("creating a node", cause);
@@ -158,7 +163,7 @@ fn new_node<V: Service>(session: &SessionId, role: Role) -> Result<Node<V>, Link
 }
 
 fn service_name<S: Stream>(session: &SessionId, writer: Role) -> Result<ServiceName, LinkError> {
-    ServiceName::new(&format!("cardan/{session}/{writer}/{}", S::NAME))
+    ServiceName::new(&service_text::<S>(session, writer))
         .map_err(|e| LinkError::transport("naming a service", e))
 }
 

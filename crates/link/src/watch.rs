@@ -2,6 +2,7 @@
 //! kernel drops with the process, so a peer that merely computes for minutes is never mistaken for
 //! dead), and of the supervisor through the end of standard input.
 
+use std::collections::BTreeSet;
 use std::io::{ErrorKind, Read};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -9,6 +10,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
+use crate::cleanup::{Owner, remove_unfinished};
 use crate::error::{Death, LinkError};
 use crate::role::Role;
 use crate::session_id::SessionId;
@@ -137,12 +139,14 @@ impl Rounds {
         let stale = |peer: &Peer| self.stale.iter().any(|old| old.node == peer.node);
         let now: Vec<_> = now.iter().filter(|peer| !stale(peer)).copied().collect();
         // Those that were killed first: others may have left because of them.
-        let dead = |role: Role| now.iter().any(|peer| peer.role == role && !peer.alive);
-        if let Some(&role) = self.expected.iter().find(|&&role| dead(role)) {
+        let dead = |peer: &&Peer| !peer.alive && self.expected.contains(&peer.role);
+        if let Some(peer) = now.iter().find(dead) {
             self.verdict.fail(LinkError::PeerDied {
-                role,
+                role: peer.role,
                 how: Death::Killed,
             });
+            // This participant may be waiting for something that will never be finished.
+            remove_unfinished(&BTreeSet::from([Owner::of(peer.node)]));
         }
         for &role in &self.expected {
             let misses = &mut self.misses[role.index()];
