@@ -136,7 +136,8 @@ impl Machine {
 
     /// Value of PINx read in cycle `at`: synchronised, and 0 where DIDR disables the buffer.
     pub(crate) fn read_pins<E: Environment>(&self, port: usize, at: u64, env: &mut E) -> u8 {
-        let levels = self.pin_levels(port, 0xFF, at.saturating_sub(1), env);
+        let pins = if port == 1 { 0x7F } else { 0xFF };
+        let levels = self.pin_levels(port, pins, at.saturating_sub(1), env);
         match port {
             1 => levels & !(self.system.didr[0] & 0x3F),
             2 => levels & !((self.system.didr[1] & 3) << 6),

@@ -10,7 +10,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;
 
-use cardan_emulator::{ATMEGA328P, Environment, Image, Machine};
+use cardan_emulator::{
+    ATMEGA328P, AnalogInput, Conversion, Environment, Image, Machine, Pin, ResetCause, SerialByte,
+};
 
 /// How to install what the tests need. A missing tool fails the test: it must not pass unseen.
 pub const INSTALL: &str = "sudo apt-get install gcc gcc-avr binutils-avr avr-libc gdb-avr simavr libsimavr-dev libelf-dev";
@@ -115,4 +117,161 @@ impl Terminal {
             .map(|&(_, byte)| char::from(byte))
             .collect()
     }
+}
+
+/// A bench that drives pins by a script and writes down everything the chip does.
+#[derive(Default)]
+pub struct Bench {
+    /// Input levels: cycle, pin, level, in the order of their cycles.
+    pub inputs: Vec<(u64, Pin, bool)>,
+    /// Bytes to send to the chip.
+    pub serial_in: std::collections::VecDeque<SerialByte>,
+    /// Voltage of every analog input as a function of the cycle.
+    pub volts: Option<fn(u64, AnalogInput) -> f64>,
+    pub edges: Vec<(u64, Pin, bool)>,
+    pub asked: Vec<(u64, AnalogInput)>,
+    pub conversions: Vec<Conversion>,
+    pub ignored: Vec<u64>,
+    pub sent: Vec<(u64, u8)>,
+    pub strobes: Vec<(u64, u8)>,
+    pub spi: Vec<(u64, u8)>,
+    pub twi: Vec<String>,
+    pub clocks: Vec<(u64, u64)>,
+    pub resets: Vec<(u64, ResetCause)>,
+}
+
+impl Bench {
+    /// Cycles and levels of the edges of one pin.
+    pub fn edges_of(&self, pin: Pin) -> Vec<(u64, bool)> {
+        self.edges
+            .iter()
+            .filter(|edge| edge.1 == pin)
+            .map(|edge| (edge.0, edge.2))
+            .collect()
+    }
+
+    /// Cycles of the strobes, which the tests use as marks.
+    pub fn marks(&self) -> Vec<u64> {
+        self.strobes.iter().map(|strobe| strobe.0).collect()
+    }
+}
+
+impl Environment for Bench {
+    fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
+        assert!(
+            self.edges.last().is_none_or(|last| last.0 <= cycle),
+            "edges out of order"
+        );
+        self.edges.push((cycle, pin, level));
+    }
+
+    fn pin_level(&mut self, cycle: u64, pin: Pin) -> Option<bool> {
+        let past = self
+            .inputs
+            .iter()
+            .rev()
+            .find(|input| input.1 == pin && input.0 <= cycle);
+        past.map(|input| input.2)
+    }
+
+    fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
+        self.asked.push((cycle, input));
+        self.volts.map_or(0.0, |volts| volts(cycle, input))
+    }
+
+    fn conversion(&mut self, event: Conversion) {
+        self.conversions.push(event);
+    }
+
+    fn trigger_ignored(&mut self, cycle: u64) {
+        self.ignored.push(cycle);
+    }
+
+    fn uart_tx(&mut self, cycle: u64, byte: u8) {
+        self.sent.push((cycle, byte));
+    }
+
+    fn uart_rx(&mut self, _cycle: u64) -> Option<SerialByte> {
+        self.serial_in.pop_front()
+    }
+
+    fn strobe(&mut self, cycle: u64, value: u8, _data: &[u8]) {
+        self.strobes.push((cycle, value));
+    }
+
+    fn spi_exchange(&mut self, cycle: u64, byte: u8) -> u8 {
+        self.spi.push((cycle, byte));
+        !byte
+    }
+
+    fn twi_start(&mut self, _cycle: u64) {
+        self.twi.push("start".to_owned());
+    }
+
+    fn twi_address(&mut self, _cycle: u64, address: u8) -> bool {
+        self.twi.push(format!("address {address:02x}"));
+        address >> 1 == 0x50
+    }
+
+    fn twi_write(&mut self, _cycle: u64, byte: u8) -> bool {
+        self.twi.push(format!("write {byte:02x}"));
+        true
+    }
+
+    fn twi_read(&mut self, _cycle: u64, acknowledged: bool) -> u8 {
+        self.twi.push(format!("read {acknowledged}"));
+        0xA5
+    }
+
+    fn twi_stop(&mut self, _cycle: u64) {
+        self.twi.push("stop".to_owned());
+    }
+
+    fn clock_changed(&mut self, cycle: u64, hz: u64) {
+        self.clocks.push((cycle, hz));
+    }
+
+    fn reset(&mut self, cycle: u64, cause: ResetCause) {
+        self.resets.push((cycle, cause));
+    }
+
+    fn next_input(&self, cycle: u64) -> Option<u64> {
+        self.inputs
+            .iter()
+            .map(|input| input.0)
+            .find(|&at| at > cycle)
+    }
+}
+
+/// Macros for assembled programs: `set REGISTER, value`, `get rN, REGISTER`, `mark value` (a
+/// strobe), a vector table of `jmp` by number.
+pub const PRELUDE: &str = "
+.macro set register, value
+    ldi r16, \\value
+    sts \\register, r16
+.endm
+.macro set16 register, value
+    ldi r16, hi8(\\value)
+    sts \\register + 1, r16
+    ldi r16, lo8(\\value)
+    sts \\register, r16
+.endm
+.macro mark value
+    ldi r17, \\value
+    out 0x1e, r17
+.endm
+.macro nops count
+    .rept \\count
+    nop
+    .endr
+.endm
+.macro vector number, target
+    .org 4 * \\number
+    jmp \\target
+.endm
+";
+
+/// Assembles `source` behind the prelude; execution starts at its label `start`.
+pub fn program(name: &str, source: &str) -> Machine {
+    assembled(name, &format!("{PRELUDE}\n jmp start\n{source}\n"))
 }
