@@ -2,20 +2,24 @@
 
 use cardan_scenario::experience::{Experience, Stimulus};
 use cardan_scenario::hardware::Frontend as Parameters;
-use cardan_scenario::random::Random;
-use cardan_sensors::{Accelerometer, Flicker, Magnetometer};
+use cardan_scenario::random::{Random, Source};
+use cardan_sensors::{Accelerometer, Flicker, LinearSensor, Magnetometer};
 use cardan_spec::REFERENCE_V;
 use cardan_spec::timing::CPU_HZ;
 
-use crate::chain::{BAND_PASS, OUTPUT, STATES};
-use crate::design::PERIOD_CYCLES;
+use crate::chain::{BAND_PASS, Chain, OUTPUT, STATES};
+use crate::design::{ChainDesign, PERIOD_CYCLES};
 use crate::matrix::{self, Vector};
-use crate::pattern::{Patterns, Segment};
+use crate::pattern::{Line, Patterns, Segment};
 use crate::saturation::{Stage, Watch};
-use crate::switching::{EdgeQueue, Switching};
+use crate::switching::{EdgeQueue, Pin, Switching};
 
-/// Periods for which a value of 1/f noise is held: 1 ms, short against the sensors' lags.
-pub(crate) const FLICKER_PERIODS: u64 = 16;
+/// Spans for which a value of 1/f noise is held: 1 ms, short against the sensors' lags.
+pub(crate) const FLICKER_SPANS: u64 = 8;
+
+/// Change of temperature after which a resonator's matrices are made anew: at the default drift 3 ppm
+/// of its resonance, a thousandth of its half-width.
+const TEMPERATURE_STEP_K: f64 = 0.1;
 
 /// The sensor of a channel.
 #[derive(Clone, Debug)]
@@ -34,16 +38,26 @@ impl Unit {
             Unit::Field(unit) => unit.input(experience),
         }
     }
+
+    fn linear(&self, temperature_k: f64) -> LinearSensor {
+        match self {
+            Unit::Tilt(unit) => unit.linear(),
+            Unit::Field(unit) => unit.linear(temperature_k),
+        }
+    }
 }
 
-/// Experiences by carrier period, so that four channels ask the stimulus once.
+/// Cycles over which inputs run straight from one value to the next: two carrier periods.
+pub(crate) const SPAN_CYCLES: u64 = 2 * PERIOD_CYCLES;
+
+/// Experiences at the ends of spans, so that four channels ask the stimulus once.
 #[derive(Clone, Debug)]
 pub(crate) struct Inputs<S> {
     stimulus: S,
     recent: Vec<(u64, Experience)>,
 }
 
-/// Periods remembered; more than channels are usually apart.
+/// Spans remembered; more than channels are usually apart.
 const REMEMBERED: usize = 64;
 
 impl<S: Stimulus> Inputs<S> {
@@ -54,12 +68,15 @@ impl<S: Stimulus> Inputs<S> {
         }
     }
 
-    /// The experience at the middle of period `period`, held over it.
-    pub(crate) fn during(&mut self, period: u64) -> &Experience {
-        let slot = &mut self.recent[period as usize % REMEMBERED];
-        if slot.0 != period {
-            let cycle = (period * PERIOD_CYCLES + PERIOD_CYCLES / 2) as f64;
-            *slot = (period, self.stimulus.at(cycle / CPU_HZ as f64));
+    /// The experience at the start of span `span`.
+    pub(crate) fn at(&mut self, span: u64) -> &Experience {
+        let slot = &mut self.recent[span as usize % REMEMBERED];
+        if slot.0 != span {
+            *slot = (
+                span,
+                self.stimulus
+                    .at((span * SPAN_CYCLES) as f64 / CPU_HZ as f64),
+            );
         }
         &slot.1
     }
@@ -89,48 +106,85 @@ impl Stages {
     }
 }
 
+/// What a channel is built from.
+#[derive(Clone, Debug)]
+pub(crate) struct Plan {
+    /// Sensor.
+    pub(crate) unit: Unit,
+    /// Common parameters.
+    pub(crate) parameters: Parameters,
+    /// Gain and corner.
+    pub(crate) design: ChainDesign,
+    /// Pin that strobes the track-and-hold pair.
+    pub(crate) strobe: Pin,
+    /// Noise on or off.
+    pub(crate) noisy: bool,
+}
+
+impl Plan {
+    fn patterns(&self, temperature_k: f64) -> Patterns {
+        let chain = Chain {
+            sensor: self.unit.linear(temperature_k),
+            parameters: &self.parameters,
+            band_pass_gain: self.design.band_pass_gain,
+            low_pass_hz: self.design.low_pass_hz,
+            noisy: self.noisy,
+        };
+        Patterns::new(&chain, CPU_HZ)
+    }
+
+    fn flicker(&self, seed: u64, index: u8) -> Option<Flicker> {
+        let Unit::Tilt(unit) = &self.unit else {
+            return None;
+        };
+        let (density, corner_hz) = unit.flicker();
+        let interval_s = (FLICKER_SPANS * SPAN_CYCLES) as f64 / CPU_HZ as f64;
+        (self.noisy && corner_hz > 0.0)
+            .then(|| Flicker::new(density, corner_hz, interval_s, seed, index))
+    }
+}
+
 /// One channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
-    unit: Unit,
+    plan: Plan,
     stages: Stages,
+    /// Temperature for which the patterns are made.
+    temperature_k: f64,
     patterns: Patterns,
     switching: Switching,
     state: Vector<STATES>,
     random: Random,
     flicker: Option<Flicker>,
+    /// A span and the sensor's input at its start and end.
+    line: (u64, f64, f64),
     watch: Watch,
     segments: Vec<Segment>,
 }
 
 impl Channel {
-    /// A channel at rest in what it experiences first.
-    pub(crate) fn new(
-        unit: Unit,
-        stages: Stages,
-        patterns: Patterns,
-        switching: Switching,
-        random: Random,
-        flicker: Option<Flicker>,
-        first: &Experience,
-    ) -> Self {
+    /// Channel number `index` under `seed`, settled in what it experiences first.
+    pub(crate) fn new(plan: Plan, seed: u64, index: u8, first: &Experience) -> Self {
+        let temperature_k = first.temperature_k;
+        let patterns = plan.patterns(temperature_k);
+        let switching = Switching::new(plan.strobe, plan.parameters.aperture_cycles as u64);
         // Settled under the low carrier: 0 = A x + B u.
         let system = patterns.system(switching.switches());
         let mut drive = [0.0; STATES];
-        matrix::add_scaled(&mut drive, &system.b[0], -unit.input(first));
+        matrix::add_scaled(&mut drive, &system.b[0], -plan.unit.input(first));
         matrix::add_scaled(&mut drive, &system.b[1], -1.0);
-        let state = matrix::solve(&system.a, &drive).unwrap_or([0.0; STATES]);
-        let (watch, segments) = (Watch::default(), Vec::new());
         Self {
-            unit,
-            stages,
+            stages: Stages::new(&plan.parameters, plan.design.band_pass_gain),
+            temperature_k,
+            state: matrix::solve(&system.a, &drive).unwrap_or([0.0; STATES]),
             patterns,
             switching,
-            state,
-            random,
-            flicker,
-            watch,
-            segments,
+            random: Random::new(seed, Source::Channel(index)),
+            flicker: plan.flicker(seed, index),
+            line: (u64::MAX, 0.0, 0.0),
+            watch: Watch::default(),
+            segments: Vec::new(),
+            plan,
         }
     }
 
@@ -163,7 +217,7 @@ impl Channel {
         free.clamp(0.0, REFERENCE_V)
     }
 
-    /// Goes on to `cycle`, period by period.
+    /// Goes on to `cycle`, span by span.
     pub(crate) fn advance<S: Stimulus>(
         &mut self,
         cycle: u64,
@@ -171,27 +225,48 @@ impl Channel {
         inputs: &mut Inputs<S>,
     ) {
         while self.switching.now() < cycle {
-            let period = self.switching.now() / PERIOD_CYCLES;
-            let end = (period + 1) * PERIOD_CYCLES;
+            let start = self.switching.now();
+            let span = start / SPAN_CYCLES;
+            let end = (span + 1) * SPAN_CYCLES;
             self.segments.clear();
             self.switching
                 .collect(end.min(cycle), edges, &mut self.segments);
-            self.step(inputs.during(period));
-            if end <= cycle && (period + 1).is_multiple_of(FLICKER_PERIODS) {
+            if self.line.0 != span {
+                let from = inputs.at(span);
+                self.line = (span, self.plan.unit.input(from), 0.0);
+                self.follow_temperature(from.temperature_k);
+                self.line.2 = self.plan.unit.input(inputs.at(span + 1));
+            }
+            self.step((start - span * SPAN_CYCLES) as f64);
+            if end <= cycle && (span + 1).is_multiple_of(FLICKER_SPANS) {
                 self.flicker.iter_mut().for_each(Flicker::step);
             }
         }
     }
 
-    fn step(&mut self, experience: &Experience) {
+    /// One pattern, which starts `offset` cycles into its span.
+    fn step(&mut self, offset: f64) {
+        let (_, from, to) = self.line;
+        let per_cycle = (to - from) / SPAN_CYCLES as f64;
         let slow_noise = self.flicker.as_ref().map_or(0.0, Flicker::value);
-        let input = self.unit.input(experience) + slow_noise;
-        let composed = self.patterns.get(&self.segments);
-        self.state = composed.step.mean(&self.state, &[input, 1.0]);
-        for column in &composed.noise {
-            matrix::add_scaled(&mut self.state, column, self.random.normal());
-        }
+        let signal = from + per_cycle * offset + slow_noise;
+        let line = Line {
+            start: signal,
+            per_second: per_cycle * CPU_HZ as f64,
+        };
+        self.state = self
+            .patterns
+            .advance(&self.segments, &self.state, line, &mut self.random);
         self.watch_filters();
+    }
+
+    /// New matrices when the temperature has moved the resonance by a step.
+    fn follow_temperature(&mut self, temperature_k: f64) {
+        let moved = (temperature_k - self.temperature_k).abs() >= TEMPERATURE_STEP_K;
+        if moved && matches!(self.plan.unit, Unit::Field(_)) {
+            self.temperature_k = temperature_k;
+            self.patterns = self.plan.patterns(temperature_k);
+        }
     }
 
     /// Looks for amplitudes beyond the stages' swing at the end of a step. The envelope of a
@@ -199,7 +274,7 @@ impl Channel {
     fn watch_filters(&mut self) {
         let x = &self.state;
         let square = |i: usize| x[i] * x[i] + x[i + 1] * x[i + 1];
-        let sensor = match self.unit {
+        let sensor = match self.plan.unit {
             Unit::Tilt(_) => x[1] * x[1],
             Unit::Field(_) => square(0),
         };

@@ -1,12 +1,12 @@
 //! What the designer of the board computes from the parameters: gains, corners, group delay.
 //!
 //! All of it comes from the model itself in its periodic steady state under the nominal carrier,
-//! x(k+1) = Phi x(k) + Gamma u(k) over one period T, for sensors without deviations:
+//! x(k+1) = Phi x(k) + Gamma u(k) + Slope u' over one period T, for sensors without deviations:
 //!
-//! - scale: the output for a constant input is C (I - Phi)^-1 Gamma; the band-pass's gain makes
-//!   full scale reach the rails exactly;
-//! - group delay at zero frequency, with u(k) the input at the middle of its period:
-//!   T (C (I - Phi)^-2 Gamma / C (I - Phi)^-1 Gamma - 1/2);
+//! - scale: the output for a constant input of one is C s with s = (I - Phi)^-1 Gamma; the
+//!   band-pass's gain makes full scale reach the rails exactly;
+//! - group delay at zero frequency: a ramp comes out late by
+//!   C (I - Phi)^-1 (s T - Slope) / C s;
 //! - the magnetometers' low-pass corner makes that delay equal to the tilt channels'. By parts:
 //!   1/w_gas + 1/w_detector + sqrt(2)/w_tilt = 2 Q_m/w_m + sqrt(2)/w_field, about 9.4 ms, and with
 //!   the reference parameters about 31 Hz. Band-pass (2 Q/w) and track-and-hold (T/2) are common.
@@ -22,6 +22,7 @@ use crate::chain::{BAND_PASS, Chain, OUTPUT, STATES};
 use crate::error::Error;
 use crate::matrix::{self, Vector};
 use crate::pattern::Patterns;
+use crate::propagate::{SIGNAL, SLOPE};
 use crate::switching::{Edge, EdgeQueue, Pin, Switching};
 
 /// Cycles of one carrier period.
@@ -168,13 +169,14 @@ impl Kind<'_> {
 
     fn response(&self, chain: &Chain<'_>) -> Result<Response, Error> {
         let mut patterns = Patterns::new(chain, CPU_HZ);
-        let step = patterns.get(&self.period_pattern()).step.clone();
+        let step = patterns.step(&self.period_pattern());
         let gap = matrix::sum_scaled(&matrix::identity(), &step.phi, -1.0);
         let unstable = || Error::design("frontend", "the chain has no steady state");
-        let settled = matrix::solve(&gap, &step.gamma[0]).ok_or_else(unstable)?;
-        let delayed = matrix::solve(&gap, &settled).ok_or_else(unstable)?;
-        let periods = delayed[OUTPUT] / settled[OUTPUT] - 0.5;
-        let group_delay_s = periods * PERIOD_CYCLES as f64 / CPU_HZ as f64;
+        let settled = matrix::solve(&gap, &step.gamma[SIGNAL]).ok_or_else(unstable)?;
+        let mut behind = step.gamma[SLOPE].map(|x| -x);
+        matrix::add_scaled(&mut behind, &settled, step.span_s);
+        let delayed = matrix::solve(&gap, &behind).ok_or_else(unstable)?;
+        let group_delay_s = delayed[OUTPUT] / settled[OUTPUT];
         Ok(Response {
             settled,
             group_delay_s,

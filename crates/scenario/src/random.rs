@@ -45,7 +45,7 @@ pub struct Random {
 /// Layers of the ziggurat.
 const LAYERS: usize = 256;
 /// Where its tail begins: the edge at which 256 layers of equal area close at the top.
-const TAIL: f64 = 3.654_152_885_361_008_8;
+const TAIL: f64 = 3.654_152_885_361_009;
 
 /// Right edges of the layers, the widest first, and the share of each that lies under the next.
 static ZIGGURAT: LazyLock<[(f64, f64); LAYERS]> = LazyLock::new(|| {

@@ -1,0 +1,376 @@
+//! The exact stepping and the noise against scipy, on the same equations written anew in Python.
+
+mod oracle;
+
+use cardan_frontend::design::nominal_edges;
+use cardan_frontend::propagate::{Linear, Step};
+use cardan_frontend::switching::Edge;
+use cardan_frontend::{Design, Frontend};
+use cardan_scenario::random::{Random, Source};
+use cardan_scenario::{Experience, Scenario, Stimulus};
+use cardan_sensors::{BOLTZMANN, Flicker};
+use cardan_spec::timing::CPU_HZ;
+use cardan_spec::{Channel, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G};
+use cardan_units::Cycles;
+use serde_json::{Value, json};
+
+const N: usize = 8;
+
+/// The front end's inputs run straight over this many cycles.
+const SPAN_CYCLES: u64 = 2000;
+
+fn rows<const R: usize, const C: usize>(columns: &[[f64; R]; C]) -> Vec<Vec<f64>> {
+    (0..R)
+        .map(|r| columns.iter().map(|c| c[r]).collect())
+        .collect()
+}
+
+/// A stable system with rates over five decades, and an interval.
+fn random_system(random: &mut Random) -> (Linear<N>, f64) {
+    let mut a = [[0.0; N]; N];
+    for (c, column) in a.iter_mut().enumerate() {
+        let rate = libm::exp(11.0 * random.uniform());
+        // Couplings that the diagonal dominates keep every eigenvalue in the left half plane.
+        for value in column.iter_mut() {
+            *value = rate * 0.12 * (2.0 * random.uniform() - 1.0);
+        }
+        column[c] = -rate;
+    }
+    let b = [(); 2].map(|()| [(); N].map(|()| 10.0 * random.normal()));
+    let mut w = [[0.0; N]; N];
+    for _ in 0..3 {
+        let source: [f64; N] = [(); N].map(|()| random.normal());
+        for (c, column) in w.iter_mut().enumerate() {
+            for (r, value) in column.iter_mut().enumerate() {
+                *value += source[c] * source[r];
+            }
+        }
+    }
+    (Linear { a, b, w }, 1e-6 + 2e-4 * random.uniform())
+}
+
+fn number(value: &Value, r: usize, c: usize) -> f64 {
+    value[r][c].as_f64().expect("a number")
+}
+
+/// Largest difference between the oracle's matrix and columns of ours, over its largest element.
+fn relative_error<const R: usize, const C: usize>(oracle: &Value, ours: &[[f64; R]; C]) -> f64 {
+    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+    for (c, column) in ours.iter().enumerate() {
+        for (r, value) in column.iter().enumerate() {
+            let exact = number(oracle, r, c);
+            worst = worst.max((exact - value).abs());
+            largest = largest.max(exact.abs());
+        }
+    }
+    worst / largest
+}
+
+#[test]
+fn steps_of_random_stable_systems_agree_with_scipy() {
+    let mut random = Random::new(1, Source::Motion);
+    let systems: Vec<_> = (0..200).map(|_| random_system(&mut random)).collect();
+    let cases: Vec<Value> = systems
+        .iter()
+        .map(|(s, h)| json!({"a": rows(&s.a), "b": rows(&s.b), "w": rows(&s.w), "h": h}))
+        .collect();
+    let answers = oracle::ask(&json!({"task": "steps", "cases": cases}));
+    let mut worst = [0.0_f64; 3];
+    for ((system, h), answer) in systems.iter().zip(answers.as_array().expect("a list")) {
+        let step = Step::over(system, *h);
+        worst[0] = worst[0].max(relative_error(&answer["phi"], &step.phi));
+        worst[1] = worst[1].max(relative_error(
+            &answer["gamma"],
+            &[step.gamma[0], step.gamma[1]],
+        ));
+        worst[2] = worst[2].max(relative_error(&answer["q"], &step.q));
+    }
+    println!("largest relative errors of phi, gamma, q: {worst:?}");
+    // Van Loan's block matrix itself loses digits to exp(-A h) with |A| h up to 12.
+    assert!(
+        worst[0] < 1e-12 && worst[1] < 1e-12 && worst[2] < 1e-9,
+        "{worst:?}"
+    );
+}
+
+/// One axis of force and field as a sine.
+#[derive(Clone, Copy)]
+struct Sine {
+    offset: f64,
+    amplitude: f64,
+    hz: f64,
+}
+
+impl Stimulus for Sine {
+    fn at(&self, t_s: f64) -> Experience {
+        let turn = 2.0 * std::f64::consts::PI;
+        let value = self.offset + self.amplitude * libm::sin(turn * self.hz * t_s);
+        Experience {
+            specific_force_g: [value, 0.0, 0.0],
+            field_ut: [value, 0.0, 0.0],
+            ..Experience::default()
+        }
+    }
+}
+
+/// Largest difference in volts between board and oracle at `reads`, under `edges`, and largest signal.
+fn difference(
+    kind: &str,
+    input: Sine,
+    edges: &[Edge],
+    reads: &[u64],
+    continuous: bool,
+) -> (f64, f64) {
+    let mut scenario = Scenario::default();
+    scenario.noise.enabled = false;
+    let request = request(&scenario, kind, input, edges, reads, continuous);
+    let volts = oracle::ask(&request);
+    let channel = if kind == "tilt" {
+        Channel::TiltX
+    } else {
+        Channel::FieldX
+    };
+    let mut board = Frontend::new(&scenario, 1, input).expect("a working design");
+    let mut pending = edges.iter().peekable();
+    let (mut worst, mut signal) = (0.0_f64, 0.0_f64);
+    for (read, exact) in reads.iter().zip(volts.as_array().expect("a list")) {
+        while let Some(edge) = pending.next_if(|edge| edge.cycle <= *read) {
+            board
+                .pin_edge(Cycles(edge.cycle), edge.pin, edge.high)
+                .expect("in order");
+        }
+        let found = board.voltage(Cycles(*read), channel).expect("in order").0;
+        worst = worst.max((found - exact.as_f64().expect("a number")).abs());
+        signal = signal.max((found - 2.5).abs());
+    }
+    (worst, signal)
+}
+
+fn request(
+    scenario: &Scenario,
+    kind: &str,
+    input: Sine,
+    edges: &[Edge],
+    reads: &[u64],
+    continuous: bool,
+) -> Value {
+    let design = Design::new(scenario).expect("a working design");
+    let (f, s) = (&scenario.frontend, &scenario.sensors);
+    let (chain, sensitivity_v) = match kind {
+        "tilt" => (design.tilt, s.accelerometer.sensitivity_mv_per_g * 1e-3),
+        _ => (design.field, s.magnetometer.sensitivity_uv_per_ut * 1e-6),
+    };
+    let edges: Vec<Value> = edges
+        .iter()
+        .map(|e| json!([e.cycle, format!("{:?}", e.pin), e.high]))
+        .collect();
+    json!({
+        "task": "chain", "kind": kind, "cpu_hz": CPU_HZ, "span_cycles": SPAN_CYCLES, "continuous": continuous,
+        "reads": reads, "edges": edges, "input": [input.offset, input.amplitude, input.hz],
+        "convection_hz": s.accelerometer.convection_bandwidth_hz,
+        "detector_hz": s.accelerometer.detector_bandwidth_hz,
+        "resonance_hz": s.magnetometer.resonance_hz, "quality": s.magnetometer.quality,
+        "sensitivity_v": sensitivity_v, "lna_gain": f.lna_gain,
+        "band_pass_gain": chain.band_pass_gain, "low_pass_hz": chain.low_pass_hz,
+        "band_pass_hz": f.band_pass_hz, "band_pass_quality": f.band_pass_quality,
+        "hold_f": f.hold_pf * 1e-12, "switch_ohm": f.switch_ohm, "leak_ohm": f.leak_ohm,
+        "aperture_cycles": f.aperture_cycles as u64, "output_gain": f.output_gain,
+    })
+}
+
+fn full_scale(kind: &str) -> f64 {
+    if kind == "tilt" {
+        TILT_FULL_SCALE_G
+    } else {
+        FIELD_FULL_SCALE_UT
+    }
+}
+
+/// Nominal edges, each displaced at random by up to `jitter` cycles.
+fn jittered_edges(end: u64, jitter: u64) -> Vec<Edge> {
+    let mut random = Random::new(5, Source::Motion);
+    let displaced = |edge: Edge| {
+        let by = (jitter as f64 * random.uniform()) as u64;
+        Edge {
+            cycle: edge.cycle + by,
+            ..edge
+        }
+    };
+    (0..end / 500)
+        .flat_map(nominal_edges)
+        .map(displaced)
+        .collect()
+}
+
+#[test]
+fn the_chain_under_jittered_edges_agrees_with_an_integrator_to_1e_9_of_full_scale() {
+    let edges = jittered_edges(60_000, 120);
+    let reads: Vec<u64> = (1..=30).map(|k| k * 1_987).collect();
+    for kind in ["tilt", "field"] {
+        let full = full_scale(kind);
+        let input = Sine {
+            offset: 0.4 * full,
+            amplitude: 0.4 * full,
+            hz: 30.0,
+        };
+        let (worst, signal) = difference(kind, input, &edges, &reads, false);
+        assert!(signal > 0.05, "{kind}: nothing to compare, {signal} V");
+        println!("{kind}: {worst:e} V");
+        assert!(worst < 2.5e-9, "{kind}: {worst:e} V");
+    }
+}
+
+#[test]
+fn straight_inputs_between_exact_values_cost_at_most_a_microvolt() {
+    let edges: Vec<Edge> = (0..640)
+        .flat_map(nominal_edges)
+        .filter(|e| e.cycle <= 320_000)
+        .collect();
+    let reads: Vec<u64> = (1..=40).map(|k| k * 8_000 - 741).collect();
+    let inputs = [
+        (
+            "tilt",
+            Sine {
+                offset: 0.6,
+                amplitude: 0.5,
+                hz: 1.0,
+            },
+        ),
+        (
+            "field",
+            Sine {
+                offset: 20.0,
+                amplitude: 30.0,
+                hz: 1.0,
+            },
+        ),
+    ];
+    for (kind, input) in inputs {
+        let (worst, signal) = difference(kind, input, &edges, &reads, true);
+        assert!(signal > 0.5, "{kind}: nothing to compare, {signal} V");
+        println!("{kind}: {worst:e} V");
+        assert!(worst < 1e-6, "{kind}: {worst:e} V");
+    }
+}
+
+/// Samples of a channel at rest, one per carrier period, in its input's unit.
+fn samples(scenario: &Scenario, channel: Channel, full_scale: f64, count: u64) -> Vec<f64> {
+    let rest = Sine {
+        offset: 0.0,
+        amplitude: 0.0,
+        hz: 1.0,
+    };
+    let mut board = Frontend::new(scenario, 3, rest).expect("a working design");
+    let mut out = Vec::new();
+    for period in 0..count {
+        for edge in [2 * period, 2 * period + 1]
+            .into_iter()
+            .flat_map(nominal_edges)
+        {
+            board
+                .pin_edge(Cycles(edge.cycle), edge.pin, edge.high)
+                .expect("in order");
+        }
+        let volts = board
+            .voltage(Cycles(1000 * (period + 1)), channel)
+            .expect("in order")
+            .0;
+        out.push((volts / 2.5 - 1.0) * full_scale);
+    }
+    out.split_off(out.len() / 20)
+}
+
+/// Densities by Welch's method over `bands` for samples at the carrier's rate.
+fn densities(samples: &[f64], bands: &[[f64; 2]]) -> Vec<f64> {
+    let request = json!({
+        "task": "welch", "samples": samples, "rate_hz": 16_000.0, "segment": 1 << 16, "bands": bands,
+    });
+    let answer = oracle::ask(&request);
+    answer
+        .as_array()
+        .expect("a list")
+        .iter()
+        .map(|v| v.as_f64().expect("a number"))
+        .collect()
+}
+
+const BANDS: [[f64; 2]; 4] = [[2.0, 8.0], [8.0, 20.0], [20.0, 40.0], [40.0, 80.0]];
+/// 60 seconds: at least 14 segments of 6 Hz at 0.24 Hz: 4 % standard error in the lowest band.
+const SAMPLES: u64 = 960_000;
+
+fn lag(f: f64, corner_hz: f64) -> f64 {
+    1.0 / (1.0 + (f / corner_hz) * (f / corner_hz)).sqrt()
+}
+
+fn butterworth(f: f64, corner_hz: f64) -> f64 {
+    let r = (f / corner_hz) * (f / corner_hz);
+    1.0 / (1.0 + r * r).sqrt()
+}
+
+/// Root of the mean square of `density` over a band.
+fn band_mean(band: [f64; 2], density: impl Fn(f64) -> f64) -> f64 {
+    let n = 200;
+    let at = |k: u32| band[0] + (band[1] - band[0]) * (f64::from(k) + 0.5) / f64::from(n);
+    ((0..n).map(|k| density(at(k)) * density(at(k))).sum::<f64>() / f64::from(n)).sqrt()
+}
+
+fn check_densities(kind: &str, found: &[f64], theory: impl Fn(f64) -> f64) {
+    for (band, found) in BANDS.iter().zip(found) {
+        let ratio = found / band_mean(*band, &theory);
+        println!("{kind} {band:?} Hz: {found:.4e} per rtHz, {ratio:.3} of theory");
+        assert!((0.9..1.1).contains(&ratio), "{kind} {band:?}: {ratio}");
+    }
+}
+
+/// Input-referred density of white noise at the first amplifier: demodulation by a pair of samples
+/// per period keeps the part in phase, sqrt(2) of the density, of a signal whose amplitude is the
+/// fundamental of a square wave, 4/pi.
+fn electronic_density(ohm: f64, sensitivity_v: f64) -> f64 {
+    let f = &Scenario::default().frontend;
+    let amplifier = f.lna_noise_nv_per_rthz * 1e-9;
+    let flicker = 1.0 + f.lna_flicker_corner_hz / f.band_pass_hz;
+    let bridge = 4.0 * BOLTZMANN * 293.15 * ohm;
+    let density = (amplifier * amplifier * flicker + bridge).sqrt();
+    density * std::f64::consts::SQRT_2 * std::f64::consts::FRAC_PI_4 / sensitivity_v
+}
+
+#[test]
+fn the_tilt_channels_noise_has_the_density_of_sensor_bridge_and_amplifier() {
+    let scenario = Scenario::default();
+    let p = &scenario.sensors.accelerometer;
+    let found = densities(
+        &samples(&scenario, Channel::TiltX, TILT_FULL_SCALE_G, SAMPLES),
+        &BANDS,
+    );
+    let white = p.noise_mg_per_rthz * 1e-3;
+    let electronic = electronic_density(p.bridge_ohm, p.sensitivity_mv_per_g * 1e-3);
+    check_densities("tilt", &found, |f| {
+        let lags = lag(f, p.convection_bandwidth_hz) * lag(f, p.detector_bandwidth_hz);
+        let slow = Flicker::density(white, p.flicker_corner_hz, f);
+        let sensor = (white * white + slow * slow).sqrt() * lags;
+        (sensor * sensor + electronic * electronic).sqrt()
+            * butterworth(f, scenario.frontend.tilt_low_pass_hz)
+    });
+}
+
+#[test]
+fn the_field_channels_noise_has_the_density_of_beam_bridge_and_amplifier() {
+    let scenario = Scenario::default();
+    let p = &scenario.sensors.magnetometer;
+    let found = densities(
+        &samples(&scenario, Channel::FieldX, FIELD_FULL_SCALE_UT, SAMPLES),
+        &BANDS,
+    );
+    let electronic = electronic_density(p.bridge_ohm, p.sensitivity_uv_per_ut * 1e-6);
+    // Force noise around the carrier meets the drive's fundamental as the bridge's noise does.
+    let brownian = p.thermomechanical_nt_per_rthz * 1e-3;
+    let brownian = brownian * std::f64::consts::SQRT_2 * std::f64::consts::FRAC_PI_4;
+    let corner_hz = Design::new(&scenario)
+        .expect("a working design")
+        .field
+        .low_pass_hz;
+    check_densities("field", &found, |f| {
+        let beam = brownian * lag(f, p.resonance_hz / (2.0 * p.quality));
+        (beam * beam + electronic * electronic).sqrt() * butterworth(f, corner_hz)
+    });
+}
