@@ -1,8 +1,13 @@
 //! Cardan: proves fixed-point sensor firmware against its golden model before silicon.
 
 mod commands;
+mod dump;
 mod failure;
+mod judge;
 mod output;
+mod participants;
+mod run_options;
+mod verdict;
 
 use std::process::ExitCode;
 
@@ -24,6 +29,17 @@ struct Cli {
 /// The verbs; one file each in `commands`.
 #[derive(Subcommand)]
 enum Command {
+    /// Run golden model, native firmware and emulated firmware, and judge them
+    Compare(commands::compare::CompareArgs),
+    /// Take part in a session as the golden model
+    Golden(commands::participants::ModelArgs),
+    /// Take part in a session as the native firmware
+    Native(commands::participants::ModelArgs),
+    /// Take part in a session as the emulated board
+    Emulate(commands::participants::EmulateArgs),
+    /// Take part in a session as the judge
+    Diff(commands::participants::DiffArgs),
+    Run(commands::run::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -33,7 +49,9 @@ fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     let output = Output::new(&cli.output);
-    let done = match cli.command {};
+    let done = match cli.command {
+        Command::Run(arguments) => commands::run::execute(&arguments, output),
+    };
     match done {
         Ok(code) => code,
         Err(failure) => {

@@ -21,8 +21,8 @@
 //!     let mut conversions = session.writer(Conversions)?;
 //!     for sequence in 0..1000 {
 //!         let cycle = 1000 * sequence;
-//!         let (channel, code, ideal_volts) = (0, 512, 2.5);
-//!         conversions.push(Conversion { sequence, cycle, ideal_volts, code, channel, flags: 0 })?;
+//!         let (channel, code, ideal_volts, direct_code) = (0, 512, 2.5, -0.5);
+//!         conversions.push(Conversion { sequence, cycle, ideal_volts, direct_code, code, channel, flags: 0 })?;
 //!     }
 //!     conversions.finish()?;
 //!     session.close().map(drop)

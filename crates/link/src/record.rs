@@ -22,6 +22,9 @@ pub struct Conversion {
     pub cycle: u64,
     /// Voltage in volts that an ideal chain would have held at that instant.
     pub ideal_volts: f64,
+    /// Bipolar code that memoryless ideal sensors would have given; NaN where the true attitude is
+    /// not known.
+    pub direct_code: f64,
     /// The converter's code.
     pub code: u16,
     /// Multiplexer channel.

@@ -1,0 +1,162 @@
+//! `compare`: the main job. Starts the participants, which meet over shared memory, and hands on
+//! the differ's result.
+
+use std::io::Write as _;
+use std::path::Path;
+use std::process::{Command, ExitCode, Stdio};
+use std::thread;
+use std::time::Duration;
+
+use cardan_link::{Ending, Finished, Participant, Role, SessionId, Supervisor, SupervisorError, Transport};
+use cardan_scenario::{Scenario, print_scenario};
+use clap::Args;
+
+use crate::failure::{Done, Failure, code};
+use crate::judge;
+use crate::output::Output;
+use crate::participants::{diff, emulated, golden, join, native};
+use crate::run_options::{RunOptions, Setup};
+use crate::verdict::{self, Extras};
+
+/// Name of the session in results when the user gave none: results of equal runs are equal.
+const AUTOMATIC: &str = "auto";
+
+/// How long children wait for each other.
+const JOIN_TIMEOUT: Duration = Duration::from_secs(10);
+
+/// Options of `compare`.
+#[derive(Args, Debug)]
+pub(crate) struct CompareArgs {
+    #[command(flatten)]
+    run: RunOptions,
+    #[command(flatten)]
+    extras: Extras,
+    /// Session in which the participants meet [default: one of its own]
+    #[arg(long, value_name = "ID")]
+    session: Option<String>,
+    /// All participants as threads of this process
+    #[arg(long)]
+    in_process: bool,
+    /// Print the scenario with all its keys, units, defaults and sources, and stop
+    #[arg(long)]
+    print_scenario: bool,
+}
+
+pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
+    if args.print_scenario {
+        let scenario = Scenario::load(&args.run.scenario).map_err(Failure::input)?;
+        output.result(&print_scenario(&scenario));
+        return Ok(ExitCode::SUCCESS);
+    }
+    let session: SessionId = match &args.session {
+        Some(id) => id.parse().map_err(Failure::input)?,
+        None => SessionId::fresh(),
+    };
+    // Every bad input is told here, before anything starts.
+    let setup = args.run.resolve()?;
+    setup
+        .app
+        .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
+        .map_err(Failure::input)?;
+    if args.in_process { in_threads(args, &setup, session, output) } else { in_processes(args, &session, output) }
+}
+
+fn in_processes(args: &CompareArgs, session: &SessionId, output: Output) -> Done {
+    let program = std::env::current_exe()
+        .map_err(|error| Failure::participant(format!("this program cannot be found: {error}")))?;
+    let participants = [Role::Emulated, Role::Native, Role::Golden, Role::Diff]
+        .map(|role| participant(args, role, &program, session, output));
+    let finished = Supervisor::start(session, participants.into())
+        .and_then(Supervisor::wait)
+        .map_err(ended_early)?;
+    let diff = finished.into_iter().find(|finished| finished.role == Role::Diff);
+    let Some(Finished { code, stdout, stderr, .. }) = diff else {
+        return Err(Failure::participant("participant 'diff' left no result"));
+    };
+    // A closed pipe is the reader's choice, not an error.
+    let _ = std::io::stderr().write_all(stderr.as_bytes());
+    let _ = std::io::stdout().write_all(&stdout);
+    Ok(ExitCode::from(u8::try_from(code).unwrap_or(code::PARTICIPANT)))
+}
+
+fn participant(
+    args: &CompareArgs,
+    role: Role,
+    program: &Path,
+    session: &SessionId,
+    output: Output,
+) -> Participant {
+    let mut command = Command::new(program);
+    command.arg(match role {
+        Role::Emulated => "emulate",
+        Role::Native => "native",
+        Role::Golden => "golden",
+        Role::Diff => "diff",
+    });
+    command.arg("--session").arg(session.as_str()).arg("--quiet").stdout(Stdio::null());
+    match role {
+        Role::Native | Role::Golden => {
+            command.arg("--app").arg(&args.run.app);
+            if let Some(file) = &args.run.wordlengths {
+                command.arg("--wordlengths").arg(file);
+            }
+        }
+        Role::Emulated | Role::Diff => {
+            command.args(args.run.arguments());
+        }
+    }
+    let mut participant = Participant::new(role, command);
+    if role == Role::Diff {
+        let shown = args.session.as_deref().unwrap_or(AUTOMATIC);
+        participant.command.arg("--report-session").arg(shown);
+        if output.is_json() {
+            participant.command.arg("--json");
+        }
+        for (name, path) in [("--report", &args.extras.report), ("--dump", &args.extras.dump)] {
+            if let Some(path) = path {
+                participant.command.arg(name).arg(path);
+            }
+        }
+        participant.capture_stdout = true;
+        participant.completes_with = vec![code::PASS.into(), code::FAIL.into(), code::CRASH.into()];
+    }
+    participant
+}
+
+/// A participant that refuses its input is bad input; any other end is exit 3 with its name.
+fn ended_early(error: SupervisorError) -> Failure {
+    match &error {
+        SupervisorError::ParticipantDied { how: Ending::Exit(exit), .. }
+            if *exit == i32::from(code::INPUT) =>
+        {
+            Failure::input(error)
+        }
+        _ => Failure::participant(error),
+    }
+}
+
+fn in_threads(args: &CompareArgs, setup: &Setup, session: SessionId, output: Output) -> Done {
+    let join = |role: Role| {
+        join(role, session.clone(), setup.formats_hash, Transport::InProcess, JOIN_TIMEOUT)
+    };
+    let collected = thread::scope(|scope| {
+        let emulated = scope.spawn(|| emulated::run(join(Role::Emulated)?, setup));
+        let native =
+            scope.spawn(|| native::run(join(Role::Native)?, setup.app, setup.formats.as_deref()));
+        let golden = scope.spawn(|| golden::run(join(Role::Golden)?, setup.app));
+        let collected = join(Role::Diff).and_then(diff::collect);
+        for (name, thread) in [("emulated", emulated), ("native", native), ("golden", golden)] {
+            match thread.join() {
+                Ok(done) => done?,
+                Err(_) => {
+                    return Err(Failure::participant(format!("participant '{name}' panicked")));
+                }
+            }
+        }
+        collected
+    })?;
+    let shown = args.session.as_deref().unwrap_or(AUTOMATIC);
+    let command = verdict::command_line(&args.run);
+    let comparison = judge::comparison(setup, &collected, shown, command)?;
+    verdict::publish(&comparison, &collected, &args.extras, output)
+}

@@ -1,0 +1,98 @@
+//! `golden`, `native`, `emulate`, `diff`: the participants by hand, on as many terminals.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use cardan_link::Role;
+use clap::Args;
+
+use crate::failure::Done;
+use crate::judge;
+use crate::output::Output;
+use crate::participants::{JoinOptions, diff, emulated, golden, native};
+use crate::run_options::RunOptions;
+use crate::verdict::{self, Extras};
+
+/// Options of `emulate`.
+#[derive(Args, Debug)]
+pub(crate) struct EmulateArgs {
+    #[command(flatten)]
+    join: JoinOptions,
+    #[command(flatten)]
+    run: RunOptions,
+}
+
+/// Options of `golden` and `native`: all else comes from `emulate`.
+#[derive(Args, Debug)]
+pub(crate) struct ModelArgs {
+    #[command(flatten)]
+    join: JoinOptions,
+    /// Application
+    #[arg(long, value_name = "NAME", default_value = "attitude")]
+    app: String,
+    /// Formats other than the deployed ones, the same for all participants
+    #[arg(long, value_name = "FILE")]
+    wordlengths: Option<PathBuf>,
+}
+
+/// Options of `diff`.
+#[derive(Args, Debug)]
+pub(crate) struct DiffArgs {
+    #[command(flatten)]
+    join: JoinOptions,
+    #[command(flatten)]
+    run: RunOptions,
+    #[command(flatten)]
+    extras: Extras,
+    /// Session id to print in the result instead of the real one
+    #[arg(long, hide = true, value_name = "ID")]
+    report_session: Option<String>,
+}
+
+impl ModelArgs {
+    fn run_options(&self) -> RunOptions {
+        RunOptions {
+            app: self.app.clone(),
+            scenario: String::new(),
+            recording: None,
+            firmware: None,
+            wordlengths: self.wordlengths.clone(),
+            seconds: None,
+            seed: 1,
+        }
+    }
+}
+
+pub(crate) fn emulate(args: &EmulateArgs, output: Output) -> Done {
+    let setup = args.run.resolve()?;
+    let session = args.join.join(Role::Emulated, setup.formats_hash)?;
+    output.note(&format!("emulating {} for {} s", setup.scenario.name, setup.seconds));
+    emulated::run(session, &setup)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+pub(crate) fn native(args: &ModelArgs, output: Output) -> Done {
+    let (app, formats, hash) = args.run_options().app_and_formats()?;
+    let session = args.join.join(Role::Native, hash)?;
+    output.note(&format!("running {} natively", app.name()));
+    native::run(session, app, formats.as_deref())?;
+    Ok(ExitCode::SUCCESS)
+}
+
+pub(crate) fn golden(args: &ModelArgs, output: Output) -> Done {
+    let (app, _, hash) = args.run_options().app_and_formats()?;
+    let session = args.join.join(Role::Golden, hash)?;
+    output.note(&format!("running {}'s golden model", app.name()));
+    golden::run(session, app)?;
+    Ok(ExitCode::SUCCESS)
+}
+
+pub(crate) fn diff(args: &DiffArgs, output: Output) -> Done {
+    let setup = args.run.resolve()?;
+    let session = args.join.join(Role::Diff, setup.formats_hash)?;
+    let collected = diff::collect(session)?;
+    let name = args.report_session.as_deref().unwrap_or(&args.join.session);
+    let command = verdict::command_line(&args.run);
+    let comparison = judge::comparison(&setup, &collected, name, command)?;
+    verdict::publish(&comparison, &collected, &args.extras, output)
+}

@@ -1,0 +1,121 @@
+//! The participants of a session: what each reads, runs and publishes.
+//!
+//! `emulated` makes the conversions, `native` and `golden` work on them, `diff` judges. Each is a
+//! function of its session, whether it runs in a process of its own or in a thread.
+
+pub(crate) mod diff;
+pub(crate) mod emulated;
+pub(crate) mod golden;
+pub(crate) mod native;
+
+use std::time::Duration;
+
+use cardan_bench::app::Configuration;
+use cardan_bench::{Conversion, SinkError};
+use cardan_link::stream::Conversions;
+use cardan_link::{BlobReader, LinkError, Options, Role, Session, SessionId, Transport};
+use clap::Args;
+
+use crate::failure::Failure;
+
+/// Names of the blobs.
+pub(crate) const CONFIGURATION: &str = "configuration";
+pub(crate) const SUMMARY: &str = "summary";
+
+/// Where participants meet.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct JoinOptions {
+    /// Session in which the participants meet
+    #[arg(long, value_name = "ID")]
+    pub(crate) session: String,
+    /// Seconds to wait for the others
+    #[arg(long, value_name = "S", default_value_t = 10.0)]
+    pub(crate) join_timeout: f64,
+}
+
+impl JoinOptions {
+    pub(crate) fn join(&self, role: Role, formats_hash: u64) -> Result<Session, Failure> {
+        let timeout = Duration::try_from_secs_f64(self.join_timeout).map_err(|_| {
+            let given = self.join_timeout;
+            Failure::input(format!("--join-timeout {given}: expected seconds, at least 0"))
+        })?;
+        let session: SessionId = self.session.parse().map_err(Failure::input)?;
+        join(role, session, formats_hash, Transport::Processes, timeout)
+    }
+}
+
+pub(crate) fn join(
+    role: Role,
+    session: SessionId,
+    format_hash: u64,
+    transport: Transport,
+    join_timeout: Duration,
+) -> Result<Session, Failure> {
+    let options = Options { transport, format_hash, join_timeout, ..Options::new(role, session) };
+    Session::join(options).map_err(lost)
+}
+
+/// Whatever ends a session early is exit 3.
+pub(crate) fn lost(error: LinkError) -> Failure {
+    Failure::participant(error)
+}
+
+/// The run's configuration, as the emulated participant announced it.
+fn configuration(blobs: &mut BlobReader) -> Result<Configuration, Failure> {
+    let bytes = blobs.expect(CONFIGURATION).map_err(lost)?;
+    serde_json::from_slice(&bytes).map_err(|error| {
+        Failure::participant(format!("'emulated' sent an unreadable configuration: {error}"))
+    })
+}
+
+/// All conversions of the run.
+fn conversions(session: &Session) -> Result<Vec<Conversion>, Failure> {
+    let reader = session.reader(Role::Emulated, Conversions).map_err(lost)?;
+    Ok(reader.collect().map_err(lost)?.iter().map(from_link).collect())
+}
+
+fn from_link(record: &cardan_link::Conversion) -> Conversion {
+    Conversion {
+        sequence: record.sequence,
+        cycle: record.cycle,
+        channel: record.channel,
+        code: record.code,
+        ideal_volts: record.ideal_volts,
+        direct_code: record.direct_code,
+        late: record.is_late(),
+        lost: record.is_lost(),
+    }
+}
+
+fn to_link(conversion: &Conversion) -> cardan_link::Conversion {
+    let flag = |set: bool, bit: u8| if set { bit } else { 0 };
+    cardan_link::Conversion {
+        sequence: conversion.sequence,
+        cycle: conversion.cycle,
+        ideal_volts: conversion.ideal_volts,
+        direct_code: conversion.direct_code,
+        code: conversion.code,
+        channel: conversion.channel,
+        flags: flag(conversion.late, cardan_link::Conversion::LATE)
+            | flag(conversion.lost, cardan_link::Conversion::LOST),
+    }
+}
+
+/// Feeds an engine from what was received.
+fn feed(
+    conversions: &[Conversion],
+) -> impl Iterator<Item = Result<Conversion, SinkError>> + '_ {
+    conversions.iter().copied().map(Ok)
+}
+
+/// What an engine's failure means: the link's own errors stay what they are.
+fn engine_failure(error: cardan_bench::EngineError) -> Failure {
+    match error {
+        cardan_bench::EngineError::Input(message) => Failure::input(message),
+        cardan_bench::EngineError::Link(error) => Failure::participant(error),
+    }
+}
+
+fn node_index(node: usize) -> Result<u16, SinkError> {
+    u16::try_from(node).map_err(|_| format!("node {node}: at most 65,536 nodes").into())
+}

@@ -1,0 +1,68 @@
+//! The end of a comparison: table, JSON, report, dump, exit code.
+
+use std::path::PathBuf;
+use std::process::ExitCode;
+
+use cardan_compare::table::{self, Style};
+use cardan_compare::{Comparison, Verdict, compare, html};
+use clap::Args;
+
+use crate::dump;
+use crate::failure::{Done, Failure, code};
+use crate::output::Output;
+use crate::participants::diff::Collected;
+use crate::run_options::RunOptions;
+
+/// What else is written.
+#[derive(Args, Clone, Debug, Default)]
+pub(crate) struct Extras {
+    /// Write a self-contained HTML report into this folder
+    #[arg(long, value_name = "DIR")]
+    pub(crate) report: Option<PathBuf>,
+    /// Write every solution's node values as CSV
+    #[arg(long, value_name = "FILE")]
+    pub(crate) dump: Option<PathBuf>,
+}
+
+/// Width of tables where the terminal does not say.
+const WIDTH: usize = 100;
+
+/// Judges, prints, writes; the exit code is the verdict.
+pub(crate) fn publish(
+    comparison: &Comparison,
+    collected: &Collected,
+    extras: &Extras,
+    output: Output,
+) -> Done {
+    let report = compare(comparison);
+    if let Some(folder) = &extras.report {
+        let path = html::write(&report, comparison, folder).map_err(Failure::input)?;
+        output.note(&format!("report: {}", path.display()));
+    }
+    if let Some(file) = &extras.dump {
+        dump::write(comparison, collected, file)?;
+        output.note(&format!("dump: {}", file.display()));
+    }
+    if output.is_json() {
+        output.document(&report);
+    }
+    output.result(&table::render(&report, Style { color: output.has_colour(), width: WIDTH }));
+    if let Some(crash) = &collected.emulated_summary.crash {
+        output.error(&format!("the emulated program crashed: {crash}"));
+        return Ok(ExitCode::from(code::CRASH));
+    }
+    Ok(ExitCode::from(match report.verdict {
+        Verdict::Pass => code::PASS,
+        Verdict::Fail => code::FAIL,
+    }))
+}
+
+/// The command that runs this comparison again.
+pub(crate) fn command_line(run: &RunOptions) -> String {
+    let mut line = "cardan compare".to_owned();
+    for argument in run.arguments() {
+        line.push(' ');
+        line.push_str(&argument.to_string_lossy());
+    }
+    line
+}
