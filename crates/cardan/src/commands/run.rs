@@ -1,0 +1,212 @@
+//! `run`: executes any AVR program in the emulator, as a peer's simulator would.
+
+mod desk;
+mod pty;
+mod serial;
+mod standard_input;
+mod stimulus;
+mod stimulus_csv;
+mod summary;
+mod waveform;
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use std::time::Instant;
+
+use cardan_emulator::{Device, Image, Machine, Stop, Supply};
+use clap::Args;
+
+use self::desk::Desk;
+use self::serial::{Choice, Line};
+use self::stimulus::Stimulus;
+use self::summary::Summary;
+use self::waveform::Waveform;
+use crate::failure::{Done, Failure, code};
+use crate::output::Output;
+
+/// Slowest clock accepted, in hertz.
+const SLOWEST_HZ: u64 = 1;
+/// Fastest clock of the family, in hertz (data sheet DS40002061, section 29.3, speed grades).
+const FASTEST_HZ: u64 = 20_000_000;
+/// Supply range of the family, in volts (data sheet, section 29.2).
+const SUPPLY_VOLTS: std::ops::RangeInclusive<f64> = 1.8..=5.5;
+/// Parts of a second that the emulator runs between two looks at the host's side of the line.
+const SLICES_PER_SECOND: u64 = 100;
+
+/// Runs an AVR program (ELF or Intel HEX) in the emulator, cycle by cycle.
+///
+/// The run ends when the program does: at SLEEP with interrupts disabled, at BREAK, at a jump to
+/// itself with interrupts disabled (where `main` of a C program ends), at a crash, or after
+/// `--cycles`. Without `--cycles` a program that never ends runs until it is interrupted (Ctrl-C).
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Program: ELF file or Intel HEX text.
+    file: PathBuf,
+    /// Microcontroller.
+    #[arg(long, value_name = "NAME", default_value = "atmega328p", value_parser = device)]
+    mcu: &'static Device,
+    /// Clock of the oscillator in hertz, at most 20000000.
+    #[arg(long, value_name = "HZ", default_value_t = 16_000_000, value_parser = frequency)]
+    freq: u64,
+    /// Stops after this number of cycles [default: no limit].
+    #[arg(long, value_name = "N")]
+    cycles: Option<u64>,
+    /// Where the serial line leads: `stdio` (sends to standard output, receives from standard
+    /// input), `pty` (a terminal device for any serial program; the run then keeps real time),
+    /// `none`, or a file for what is sent [default: to standard output, nothing received].
+    #[arg(long, value_name = "stdio|pty|none|FILE")]
+    uart: Option<Choice>,
+    /// Supply: AVCC and AREF, in volts.
+    #[arg(long, value_name = "V", default_value_t = 5.0, value_parser = supply)]
+    vcc: f64,
+    /// Voltage of an analog input, CH 0 to 7; may be repeated. Others read 0 V.
+    #[arg(long, value_name = "CH=VOLTS", value_parser = analog)]
+    adc: Vec<(u8, f64)>,
+    /// Voltages and pin levels over time: CSV with `cycle` or `t_s` first, then `adc0_V`..`adc7_V`
+    /// (volts) or `PB0`..`PD7` (0 or 1); each value holds until the next row.
+    #[arg(long, value_name = "FILE")]
+    stimulus: Option<PathBuf>,
+    /// Writes the levels of all pins as a value change dump.
+    #[arg(long, value_name = "FILE")]
+    vcd: Option<PathBuf>,
+    /// Exits with the program's own code, register r24 (the low byte of what `main` returned),
+    /// when it ends by itself; with 3 when the cycle limit comes first.
+    #[arg(long)]
+    program_exit: bool,
+}
+
+/// Runs the command.
+pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
+    let mut machine = machine(arguments)?;
+    let mut desk = Desk::new(connections(arguments)?);
+    let mut line = Line::open(arguments.uart.as_ref(), arguments.freq, output)?;
+    if let Some(file) = &arguments.vcd {
+        desk.waveform = Some(Waveform::create(file, arguments.freq)?);
+    }
+    let begin = Instant::now();
+    let stop = run(&mut machine, &mut desk, &mut line, arguments.cycles)?;
+    let host_seconds = begin.elapsed().as_secs_f64();
+    line.close(&mut desk)?;
+    if let Some(waveform) = desk.waveform.take() {
+        waveform.finish(machine.cycle())?;
+    }
+    let summary = Summary::new(&machine, &stop, host_seconds);
+    if output.is_json() {
+        output.document(&summary);
+    }
+    for report in machine.reports() {
+        output.note(&format!("note: {report}"));
+    }
+    if let Stop::Crash(crash) = &stop {
+        output.error(&format!("{}: crash {crash}", arguments.file.display()));
+    }
+    output.note(&summary.to_string());
+    Ok(exit_code(&stop, &machine, arguments.program_exit))
+}
+
+/// The chip with the program in it.
+fn machine(arguments: &Arguments) -> Result<Machine, Failure> {
+    let image = Image::read(&arguments.file, arguments.mcu).map_err(Failure::input)?;
+    let mut machine = Machine::new(arguments.mcu, arguments.freq);
+    machine.set_supply(Supply {
+        avcc_volts: arguments.vcc,
+        aref_volts: arguments.vcc,
+        ..Supply::default()
+    });
+    machine.load(&image);
+    Ok(machine)
+}
+
+/// What is connected to the pins: constant voltages, and what the stimulus file brings.
+fn connections(arguments: &Arguments) -> Result<Stimulus, Failure> {
+    let mut stimulus = match &arguments.stimulus {
+        Some(file) => stimulus_csv::read(file, arguments.freq)?,
+        None => Stimulus::default(),
+    };
+    let mut seen = [false; 8];
+    for &(channel, volts) in &arguments.adc {
+        let is_repeated = std::mem::replace(&mut seen[usize::from(channel)], true);
+        if is_repeated {
+            let what = format!("--adc {channel}=... is given twice; expected one per channel");
+            return Err(Failure::input(what));
+        }
+        if !stimulus.start_analog(channel, volts) {
+            let file = arguments.stimulus.as_deref().unwrap_or(Path::new(""));
+            return Err(Failure::input(format!(
+                "--adc {channel}={volts}: {} drives adc{channel}_V as well; remove one of the two",
+                file.display()
+            )));
+        }
+    }
+    Ok(stimulus)
+}
+
+/// Runs in slices, between which bytes go to and come from the host.
+fn run(
+    machine: &mut Machine,
+    desk: &mut Desk,
+    line: &mut Line,
+    limit: Option<u64>,
+) -> Result<Stop, Failure> {
+    let limit = limit.unwrap_or(u64::MAX);
+    loop {
+        let slice = (machine.frequency_hz() / SLICES_PER_SECOND).max(1);
+        let until = machine.cycle().saturating_add(slice).min(limit);
+        let stop = machine.run(desk, until);
+        line.exchange(desk, machine.cycle())?;
+        let is_over = stop != Stop::Limit || machine.cycle() >= limit;
+        if is_over || desk.is_closed {
+            return Ok(stop);
+        }
+    }
+}
+
+/// The exit code: 0, or 4 after a crash, or with `--program-exit` the program's own.
+fn exit_code(stop: &Stop, machine: &Machine, is_programs: bool) -> ExitCode {
+    match stop {
+        Stop::Crash(_) => ExitCode::from(code::CRASH),
+        Stop::Sleep | Stop::Break | Stop::Halt if is_programs => {
+            ExitCode::from(machine.registers()[24])
+        }
+        Stop::Limit if is_programs => ExitCode::from(code::PARTICIPANT),
+        _ => ExitCode::SUCCESS,
+    }
+}
+
+fn device(name: &str) -> Result<&'static Device, String> {
+    Device::by_name(name).ok_or_else(|| {
+        let known: Vec<&str> = Device::ALL
+            .iter()
+            .flat_map(|device| std::iter::once(&device.name).chain(device.aliases))
+            .copied()
+            .collect();
+        format!(
+            "unknown microcontroller; expected one of {}",
+            known.join(", ")
+        )
+    })
+}
+
+fn frequency(text: &str) -> Result<u64, String> {
+    let hz = text.parse::<u64>().ok();
+    hz.filter(|hz| (SLOWEST_HZ..=FASTEST_HZ).contains(hz))
+        .ok_or_else(|| format!("expected whole hertz from {SLOWEST_HZ} to {FASTEST_HZ}"))
+}
+
+fn supply(text: &str) -> Result<f64, String> {
+    let volts = text.parse::<f64>().ok();
+    volts
+        .filter(|volts| SUPPLY_VOLTS.contains(volts))
+        .ok_or_else(|| {
+            let (least, most) = (SUPPLY_VOLTS.start(), SUPPLY_VOLTS.end());
+            format!("expected volts from {least} to {most}, the supply range of the chip")
+        })
+}
+
+fn analog(text: &str) -> Result<(u8, f64), String> {
+    let expected = || "expected CH=VOLTS, for example 0=2.5, with CH from 0 to 7".to_owned();
+    let (channel, volts) = text.split_once('=').ok_or_else(expected)?;
+    let channel = channel.parse().ok().filter(|&channel: &u8| channel < 8);
+    let volts = volts.parse().ok().filter(|volts: &f64| volts.is_finite());
+    channel.zip(volts).ok_or_else(expected)
+}

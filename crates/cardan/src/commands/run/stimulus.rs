@@ -1,0 +1,93 @@
+//! What the outside applies to the pins over time: volts and levels, each held until it changes.
+
+use cardan_emulator::Pin;
+
+/// Number of analog inputs.
+pub(super) const ANALOG_INPUTS: usize = 8;
+/// Number of digital pins.
+const PINS: usize = 24;
+
+/// Values of one input: (cycle, value) in the order of the cycles.
+#[derive(Clone, Debug)]
+struct Track<T>(Vec<(u64, T)>);
+
+impl<T> Default for Track<T> {
+    fn default() -> Self {
+        Self(Vec::new())
+    }
+}
+
+impl<T: Copy> Track<T> {
+    /// The value at `cycle`: the last one set at or before it.
+    fn at(&self, cycle: u64) -> Option<T> {
+        let after = self.0.partition_point(|&(set, _)| set <= cycle);
+        after.checked_sub(1).map(|index| self.0[index].1)
+    }
+}
+
+/// All inputs over time.
+#[derive(Clone, Debug)]
+pub(super) struct Stimulus {
+    analog: [Track<f64>; ANALOG_INPUTS],
+    pins: [Track<bool>; PINS],
+    /// Every cycle at which some input is set.
+    instants: Vec<u64>,
+}
+
+impl Default for Stimulus {
+    /// Nothing connected.
+    fn default() -> Self {
+        Self {
+            analog: Default::default(),
+            pins: std::array::from_fn(|_| Track::default()),
+            instants: Vec::new(),
+        }
+    }
+}
+
+impl Stimulus {
+    /// Sets an analog input from `cycle` on. Calls come in the order of their cycles.
+    pub(super) fn set_analog(&mut self, channel: u8, cycle: u64, volts: f64) {
+        self.analog[usize::from(channel)].0.push((cycle, volts));
+        self.note(cycle);
+    }
+
+    /// Drives a pin from `cycle` on. Calls come in the order of their cycles.
+    pub(super) fn set_pin(&mut self, pin: Pin, cycle: u64, level: bool) {
+        self.pins[pin.index()].0.push((cycle, level));
+        self.note(cycle);
+    }
+
+    /// Applies a voltage from the start on; false if the input has values already.
+    pub(super) fn start_analog(&mut self, channel: u8, volts: f64) -> bool {
+        let track = &mut self.analog[usize::from(channel)];
+        let is_free = track.0.is_empty();
+        if is_free {
+            track.0.push((0, volts));
+        }
+        is_free
+    }
+
+    fn note(&mut self, cycle: u64) {
+        if self.instants.last() != Some(&cycle) {
+            self.instants.push(cycle);
+        }
+    }
+
+    /// Volts on an analog input; 0 V if nothing is connected.
+    pub(super) fn volts(&self, channel: u8, cycle: u64) -> f64 {
+        let track = self.analog.get(usize::from(channel));
+        track.and_then(|track| track.at(cycle)).unwrap_or(0.0)
+    }
+
+    /// Level that drives a pin; `None` if nothing does.
+    pub(super) fn level(&self, pin: Pin, cycle: u64) -> Option<bool> {
+        self.pins[pin.index()].at(cycle)
+    }
+
+    /// The next cycle after `cycle` at which an input is set.
+    pub(super) fn next_change(&self, cycle: u64) -> Option<u64> {
+        let next = self.instants.partition_point(|&instant| instant <= cycle);
+        self.instants.get(next).copied()
+    }
+}
