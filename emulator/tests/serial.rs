@@ -43,7 +43,7 @@ fn frames_have_start_data_parity_and_stop_bits() {
         let gaps: Vec<u64> = ends.windows(2).map(|pair| pair[1] - pair[0]).collect();
         let all = gaps.iter().all(|&gap| gap == bits * bit);
         // Two bytes fit back to back: one in the shift register, one in the buffer.
-        assert!(all && gaps.len() >= 1, "{name}: {ends:?}");
+        assert!(all && !gaps.is_empty(), "{name}: {ends:?}");
     }
 }
 
