@@ -424,34 +424,51 @@ impl Session {
     /// # Errors
     /// [`LinkError::Unfinished`] when a writer was not finished, else whatever ended the session.
     pub fn close(mut self) -> Result<Counters, LinkError> {
-        for (output, taken) in &self.outputs {
-            if output.is_finished() {
-                continue;
-            }
-            if taken.get() && output.stream() != Notices::NAME {
-                let role = self.shared.role();
-                return Err(LinkError::Unfinished {
-                    role,
-                    stream: output.stream(),
-                });
-            }
+        let data = |stream: &str| stream != Notices::NAME;
+        let open = self
+            .outputs
+            .iter()
+            .filter(|(output, _)| !output.is_finished());
+        let (taken, untaken): (Vec<_>, Vec<_>) = open
+            .filter(|(output, _)| data(output.stream()))
+            .partition(|(_, taken)| taken.get());
+        if let Some((output, _)) = taken.first() {
+            let role = self.shared.role();
+            return Err(LinkError::Unfinished {
+                role,
+                stream: output.stream(),
+            });
+        }
+        for (output, _) in untaken {
             output.end().map_err(|error| self.shared.explain(error))?;
         }
-        let mut idle = 0;
-        while !self.is_complete() {
-            self.shared.drain_or_pause(&mut idle)?;
+        self.wait_for_ends(data)?;
+        // The last word, after which peers do not mind if this participant is gone.
+        if let Some(notices) = &self.notices {
+            notices.end().map_err(|error| self.shared.explain(error))?;
         }
+        self.wait_for_ends(|_| true)?;
         self.closed = true;
         Ok(self.counters())
     }
 
-    fn is_complete(&self) -> bool {
-        self.shared
-            .inputs
-            .borrow()
-            .iter()
-            .all(|input| input.has_ended())
-            && self.outputs.iter().all(|(output, _)| output.readers() == 0)
+    /// Waits until the chosen streams have ended, here and at the others.
+    fn wait_for_ends(&self, chosen: impl Fn(&str) -> bool) -> Result<(), LinkError> {
+        let have_ended = || {
+            let inputs = self.shared.inputs.borrow();
+            inputs
+                .iter()
+                .all(|input| !chosen(input.stream()) || input.has_ended())
+                && self
+                    .outputs
+                    .iter()
+                    .all(|(o, _)| !chosen(o.stream()) || o.readers() == 0)
+        };
+        let mut idle = 0;
+        while !have_ended() {
+            self.shared.drain_or_pause(&mut idle)?;
+        }
+        Ok(())
     }
 
     /// Waits for all ports, then tells so, then waits until all others have told so. Only then
