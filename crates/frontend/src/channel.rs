@@ -119,6 +119,8 @@ pub(crate) struct Plan {
     pub(crate) strobe: Pin,
     /// Noise on or off.
     pub(crate) noisy: bool,
+    /// True frequency of the controller's clock.
+    pub(crate) clock_hz: f64,
 }
 
 impl Plan {
@@ -130,7 +132,7 @@ impl Plan {
             low_pass_hz: self.design.low_pass_hz,
             noisy: self.noisy,
         };
-        Patterns::new(&chain, CPU_HZ)
+        Patterns::new(&chain, self.clock_hz)
     }
 
     fn flicker(&self, seed: u64, index: u8) -> Option<Flicker> {
@@ -252,7 +254,7 @@ impl Channel {
         let signal = from + per_cycle * offset + slow_noise;
         let line = Line {
             start: signal,
-            per_second: per_cycle * CPU_HZ as f64,
+            per_second: per_cycle * self.plan.clock_hz,
         };
         self.state = self
             .patterns

@@ -168,7 +168,7 @@ impl Kind<'_> {
     }
 
     fn response(&self, chain: &Chain<'_>) -> Result<Response, Error> {
-        let mut patterns = Patterns::new(chain, CPU_HZ);
+        let mut patterns = Patterns::new(chain, CPU_HZ as f64);
         let step = patterns.step(&self.period_pattern());
         let gap = matrix::sum_scaled(&matrix::identity(), &step.phi, -1.0);
         let unstable = || Error::design("frontend", "the chain has no steady state");

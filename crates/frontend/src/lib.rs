@@ -175,12 +175,14 @@ fn plan(scenario: &Scenario, design: &Design, name: Name) -> Plan {
         Name::FieldY => (field(sensors, Axis::Y), design.field, Pin::Carrier),
     };
     let (parameters, noisy) = (scenario.frontend.clone(), scenario.noise.enabled);
+    let clock_hz = scenario.clock_hz();
     Plan {
         unit,
         parameters,
         design,
         strobe,
         noisy,
+        clock_hz,
     }
 }
 

@@ -115,14 +115,14 @@ pub struct Patterns {
 }
 
 impl Patterns {
-    /// For `chain` under a clock of `cpu_hz`.
+    /// For `chain` under a clock of `clock_hz`.
     #[must_use]
-    pub fn new(chain: &Chain<'_>, cpu_hz: u64) -> Self {
+    pub fn new(chain: &Chain<'_>, clock_hz: f64) -> Self {
         let p = chain.parameters;
         Self {
             systems: std::array::from_fn(|set| chain.system(set as u8)),
             jumps_v: [p.injection_plus_pc, p.injection_minus_pc].map(|pc| pc / p.hold_pf),
-            cycle_s: 1.0 / cpu_hz as f64,
+            cycle_s: 1.0 / clock_hz,
             segments: FxHashMap::default(),
             known: FxHashMap::default(),
             composed: Vec::new(),

@@ -5,6 +5,7 @@ use nalgebra::Matrix3;
 use crate::parameter::Origin::Setting;
 use crate::parameter::parameters;
 use crate::rotation;
+use crate::sweep::smoother_step;
 
 parameters! {
     /// Rests at every combination of tilt, tilt direction and heading, endlessly.
@@ -73,11 +74,6 @@ impl Grid {
 fn short_way(angle: f64) -> f64 {
     let turn = 2.0 * std::f64::consts::PI;
     angle - turn * (angle / turn).round()
-}
-
-/// From 0 to 1 with zero first and second derivative at both ends.
-fn smoother_step(x: f64) -> f64 {
-    x * x * x * (10.0 - x * (15.0 - 6.0 * x))
 }
 
 #[cfg(test)]

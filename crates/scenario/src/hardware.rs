@@ -134,6 +134,15 @@ parameters! {
 }
 
 parameters! {
+    /// The controller's oscillator.
+    pub struct Clock at "clock" {
+        /// Relative deviation of its frequency from 16 MHz. The carrier moves against the
+        /// resonances; the motion is timed by this clock, so that it does not shift against truth.
+        error_ppm = 0.0, "ppm", -2e4 => 2e4, Assumed("a quartz, within 50 ppm");
+    }
+}
+
+parameters! {
     /// Errors of the converter between pin voltage and code, in steps of the 10-bit converter.
     pub struct Adc at "adc" {
         /// White noise of a conversion, rms.

@@ -8,12 +8,14 @@
 //! Frames: reference magnetic north, east, down; body x forward, y right, z down when level. The
 //! unit of specific force is local gravity.
 
+pub mod corners;
 mod error;
 pub mod experience;
 pub mod field;
 pub mod grid;
 pub mod hardware;
 pub mod mounting;
+pub mod overlay;
 pub mod parameter;
 mod print;
 pub mod random;
@@ -22,6 +24,7 @@ pub mod recording_file;
 pub mod report;
 pub mod rotation;
 pub mod scenario;
+pub mod sweep;
 mod syntax;
 pub mod trajectory;
 pub mod tumble;

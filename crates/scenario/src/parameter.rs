@@ -50,6 +50,9 @@ impl Parameter {
 pub trait Parameters {
     /// All parameters of the table with their present values, in file order.
     fn list(&self) -> Vec<Parameter>;
+
+    /// The value of `key`, to be changed.
+    fn value_mut(&mut self, key: &str) -> Option<&mut f64>;
 }
 
 /// Declares a table of `f64` parameters; see the module's text.
@@ -95,6 +98,13 @@ macro_rules! parameters {
                         meaning: concat!($($doc,)+).trim_ascii(),
                     },
                 )+]
+            }
+
+            fn value_mut(&mut self, key: &str) -> Option<&mut f64> {
+                match key {
+                    $(stringify!($key) => Some(&mut self.$key),)+
+                    _ => None,
+                }
             }
         }
     };

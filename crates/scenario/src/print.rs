@@ -12,6 +12,20 @@ pub fn print_scenario(scenario: &Scenario) -> String {
     let mut out = Page::default();
     head(&mut out, scenario);
     motion(&mut out, scenario);
+    out.table(
+        "vibration",
+        "A sine of specific force on top of the motion.",
+    );
+    out.parameters(&scenario.vibration.list());
+    out.table("climate", "Ambient temperature: a ramp from reset on.");
+    out.parameters(&scenario.climate.list());
+    out.table(
+        "disturbance",
+        "A magnetic field that moves with the body for a time.",
+    );
+    out.parameters(&scenario.disturbance.list());
+    out.table("clock", "The controller's oscillator.");
+    out.parameters(&scenario.clock.list());
     field_table(&mut out, scenario);
     let s = &scenario.sensors;
     out.table(
@@ -130,7 +144,7 @@ fn motion(out: &mut Page, scenario: &Scenario) {
     let m = &scenario.motion;
     out.table("motion", "What moves the device.");
     out.key(
-        "\"tumble\" (default), \"static\" or \"recording\".",
+        "\"tumble\" (default), \"static\", \"sweep\", \"step\" or \"recording\".",
         "kind",
         m.kind.name(),
     );
@@ -144,6 +158,13 @@ fn motion(out: &mut Page, scenario: &Scenario) {
         "Rests at a grid of attitudes, moving smoothly between them.",
     );
     out.parameters(&m.grid.list());
+    out.table(
+        "motion.sweep",
+        "Sine sweep of the angles about one axis or several.",
+    );
+    out.parameters(&m.sweep.list());
+    out.table("motion.step", "A step from one attitude to another.");
+    out.parameters(&m.step.list());
     out.table(
         "motion.recording",
         "Recorded specific force and field (option --recording).",

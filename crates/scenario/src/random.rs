@@ -22,6 +22,8 @@ pub enum Source {
     Converter,
     /// Positions of the converter's steps.
     Steps,
+    /// Parameters of random units.
+    Units,
 }
 
 impl Source {
@@ -30,6 +32,7 @@ impl Source {
             Source::Motion => 1,
             Source::Converter => 2,
             Source::Steps => 3,
+            Source::Units => 4,
             Source::Channel(index) => 0x100 + u64::from(index),
             Source::Flicker(index) => 0x200 + u64::from(index),
         }

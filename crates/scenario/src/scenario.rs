@@ -8,20 +8,27 @@ use serde::Deserialize;
 use crate::error::Error;
 use crate::field::{self, EarthField};
 use crate::grid::Grid;
-use crate::hardware::{Accelerometer, Adc, Frontend, Magnetometer};
+use crate::hardware::{Accelerometer, Adc, Clock, Frontend, Magnetometer};
 use crate::mounting::Mounting;
+use crate::overlay::{Climate, Disturbance, Vibration};
 use crate::parameter::{Origin, Parameter, Parameters};
+use crate::sweep::{Step, Sweep};
 use crate::syntax;
 use crate::tumble::Tumble;
 
 /// Bundled scenarios: name and text.
-pub const BUNDLED: [(&str, &str); 3] = [
+pub const BUNDLED: [(&str, &str); 8] = [
     ("tumble", include_str!("../scenarios/tumble.toml")),
     (
         "tumble-quiet",
         include_str!("../scenarios/tumble-quiet.toml"),
     ),
     ("static", include_str!("../scenarios/static.toml")),
+    ("sweep", include_str!("../scenarios/sweep.toml")),
+    ("step", include_str!("../scenarios/step.toml")),
+    ("vibration", include_str!("../scenarios/vibration.toml")),
+    ("heat", include_str!("../scenarios/heat.toml")),
+    ("magnet", include_str!("../scenarios/magnet.toml")),
 ];
 
 /// The scenario that runs when none is named.
@@ -42,6 +49,14 @@ pub struct Scenario {
     pub seconds: f64,
     /// What moves the device.
     pub motion: Motion,
+    /// Vibration on top of the motion.
+    pub vibration: Vibration,
+    /// Ambient temperature.
+    pub climate: Climate,
+    /// Magnetic disturbance on top of the Earth's field.
+    pub disturbance: Disturbance,
+    /// The controller's clock.
+    pub clock: Clock,
     /// The Earth's field.
     pub field: Field,
     /// The sensors.
@@ -71,6 +86,10 @@ pub struct Motion {
     /// The static grid.
     #[serde(rename = "static")]
     pub grid: Grid,
+    /// The sweep of angles.
+    pub sweep: Sweep,
+    /// The step.
+    pub step: Step,
     /// The recording.
     pub recording: RecordingChoice,
 }
@@ -84,6 +103,10 @@ pub enum MotionKind {
     Tumble,
     /// Rests at a grid of attitudes.
     Static,
+    /// Sine sweep of the angles.
+    Sweep,
+    /// Step from one attitude to another.
+    Step,
     /// Recorded specific force and field.
     Recording,
 }
@@ -95,6 +118,8 @@ impl MotionKind {
         match self {
             MotionKind::Tumble => "tumble",
             MotionKind::Static => "static",
+            MotionKind::Sweep => "sweep",
+            MotionKind::Step => "step",
             MotionKind::Recording => "recording",
         }
     }
@@ -219,6 +244,10 @@ impl Default for Scenario {
             about: String::new(),
             seconds: 12.0,
             motion: Motion::default(),
+            vibration: Vibration::default(),
+            climate: Climate::default(),
+            disturbance: Disturbance::default(),
+            clock: Clock::default(),
             field: Field::default(),
             sensors: Sensors::default(),
             frontend: Frontend::default(),
@@ -282,15 +311,74 @@ impl Scenario {
     /// All numeric parameters with their present values, in file order.
     #[must_use]
     pub fn parameters(&self) -> Vec<Parameter> {
-        let tables: [&dyn Parameters; 6] = [
+        let tables: [&dyn Parameters; 12] = [
             &self.motion.tumble,
             &self.motion.grid,
+            &self.motion.sweep,
+            &self.motion.step,
+            &self.vibration,
+            &self.climate,
+            &self.disturbance,
+            &self.clock,
             &self.sensors.accelerometer,
             &self.sensors.magnetometer,
             &self.frontend,
             &self.adc,
         ];
         tables.iter().flat_map(|table| table.list()).collect()
+    }
+
+    /// The numeric parameter of that full key, such as `sensors.magnetometer.quality`.
+    ///
+    /// # Errors
+    /// There is no such parameter.
+    pub fn get(&self, key: &str) -> Result<Parameter, Error> {
+        let all = self.parameters();
+        let named = |p: &Parameter| format!("{}.{}", p.section, p.key);
+        all.iter()
+            .find(|p| named(p) == key)
+            .cloned()
+            .ok_or_else(|| {
+                let keys: Vec<String> = all.iter().map(named).collect();
+                let keys: Vec<&str> = keys.iter().map(String::as_str).collect();
+                let hint = syntax::nearest(key, &keys)
+                    .map_or(String::new(), |near| format!("did you mean '{near}'? "));
+                let expected = format!("{hint}a numeric key of --print-scenario with its table");
+                range(key, "an unknown key", &expected)
+            })
+    }
+
+    /// Sets the numeric parameter of that full key; [`Scenario::check`] tells if it is admissible.
+    ///
+    /// # Errors
+    /// There is no such parameter.
+    pub fn set(&mut self, key: &str, value: f64) -> Result<(), Error> {
+        let Parameter { section, key, .. } = self.get(key)?;
+        let table: &mut dyn Parameters = match section {
+            "motion.tumble" => &mut self.motion.tumble,
+            "motion.static" => &mut self.motion.grid,
+            "motion.sweep" => &mut self.motion.sweep,
+            "motion.step" => &mut self.motion.step,
+            "vibration" => &mut self.vibration,
+            "climate" => &mut self.climate,
+            "disturbance" => &mut self.disturbance,
+            "clock" => &mut self.clock,
+            "sensors.accelerometer" => &mut self.sensors.accelerometer,
+            "sensors.magnetometer" => &mut self.sensors.magnetometer,
+            "frontend" => &mut self.frontend,
+            _ => &mut self.adc,
+        };
+        if let Some(present) = table.value_mut(key) {
+            *present = value;
+        }
+        Ok(())
+    }
+
+    /// True frequency of the controller's clock in hertz, for the analog side. Motions are timed by the
+    /// controller's own clock, as if it were exact: only the carrier's place among the resonances shows.
+    #[must_use]
+    pub fn clock_hz(&self) -> f64 {
+        cardan_spec::timing::CPU_HZ as f64 * (1.0 + 1e-6 * self.clock.error_ppm)
     }
 
     /// Parameters of the hardware whose present value is not a published one.

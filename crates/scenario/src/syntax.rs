@@ -99,3 +99,26 @@ fn line_of(text: &str, key: &str) -> Option<usize> {
     }
     offset.map(|offset| position(text, offset).0)
 }
+
+/// Puts a file before the place of an error, and the line of the key where it can be found.
+pub(crate) fn in_file(error: Error, text: &str, file: &str) -> Error {
+    match error {
+        Error::Range {
+            key,
+            value,
+            expected,
+            ..
+        } => {
+            let last = key.strip_prefix("spread.").unwrap_or(&key);
+            let line = text.lines().position(|line| line.contains(last));
+            let place = line.map_or(file.into(), |line| format!("{file}, line {}", line + 1));
+            Error::Range {
+                place,
+                key,
+                value,
+                expected,
+            }
+        }
+        other => other,
+    }
+}

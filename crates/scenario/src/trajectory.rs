@@ -6,9 +6,11 @@ use crate::error::Error;
 use crate::experience::{Experience, REFERENCE_K, Stimulus};
 use crate::field::{self, EarthField};
 use crate::grid::Grid;
+use crate::overlay::Overlay;
 use crate::recording::Recording;
 use crate::report::Assumption;
 use crate::scenario::{MotionKind, Scenario};
+use crate::sweep::{Step, Sweep};
 use crate::tumble::TumbleMotion;
 
 /// The device's motion in the Earth's field.
@@ -16,12 +18,15 @@ use crate::tumble::TumbleMotion;
 pub struct Trajectory {
     motion: Moving,
     field: EarthField,
+    overlay: Overlay,
 }
 
 #[derive(Clone, Debug)]
 enum Moving {
     Tumble(TumbleMotion),
     Static(Grid),
+    Sweep(Sweep),
+    Step(Step),
     Recording(Box<Recording>),
 }
 
@@ -34,21 +39,36 @@ impl Trajectory {
     pub fn new(scenario: &Scenario, seed: u64) -> Result<Self, Error> {
         scenario.check()?;
         let field = scenario.field.resolve().unwrap_or(field::SITES[0].1);
+        let Scenario {
+            vibration,
+            climate,
+            disturbance,
+            ..
+        } = scenario;
+        let overlay = Overlay::new(vibration, climate, disturbance);
         let motion = match (scenario.motion.kind, &scenario.motion.recording.file) {
             (MotionKind::Recording, Some(file)) => {
                 let gravity = scenario.motion.recording.gravity_m_s2;
                 let explicit = scenario.field.explicit();
                 let recording = Recording::open(file, &scenario.mounting, gravity, explicit)?;
                 let field = recording.field();
+                let motion = Moving::Recording(Box::new(recording));
                 return Ok(Self {
-                    motion: Moving::Recording(Box::new(recording)),
+                    motion,
                     field,
+                    overlay,
                 });
             }
             (MotionKind::Static, _) => Moving::Static(scenario.motion.grid.clone()),
+            (MotionKind::Sweep, _) => Moving::Sweep(scenario.motion.sweep.clone()),
+            (MotionKind::Step, _) => Moving::Step(scenario.motion.step.clone()),
             _ => Moving::Tumble(TumbleMotion::new(&scenario.motion.tumble, seed)),
         };
-        Ok(Self { motion, field })
+        Ok(Self {
+            motion,
+            field,
+            overlay,
+        })
     }
 
     /// True attitude at `t_s`: the matrix M of v_body = M v_ref, reference magnetic NED. None where
@@ -58,6 +78,8 @@ impl Trajectory {
         match &self.motion {
             Moving::Tumble(tumble) => Some(tumble.attitude(t_s)),
             Moving::Static(grid) => Some(grid.attitude(t_s)),
+            Moving::Sweep(sweep) => Some(sweep.attitude(t_s)),
+            Moving::Step(step) => Some(step.attitude(t_s)),
             Moving::Recording(recording) => recording.truth_at(t_s),
         }
     }
@@ -67,7 +89,7 @@ impl Trajectory {
     pub fn has_truth(&self) -> bool {
         match &self.motion {
             Moving::Recording(recording) => recording.has_reference(),
-            Moving::Tumble(_) | Moving::Static(_) => true,
+            _ => true,
         }
     }
 
@@ -76,7 +98,7 @@ impl Trajectory {
     pub fn duration_s(&self) -> Option<f64> {
         match &self.motion {
             Moving::Recording(recording) => Some(recording.duration_s()),
-            Moving::Tumble(_) | Moving::Static(_) => None,
+            _ => None,
         }
     }
 
@@ -99,7 +121,7 @@ impl Trajectory {
                     source: source.clone(),
                 })
                 .collect(),
-            Moving::Tumble(_) | Moving::Static(_) => Vec::new(),
+            _ => Vec::new(),
         }
     }
 
@@ -119,10 +141,13 @@ impl Trajectory {
 
 impl Stimulus for Trajectory {
     fn at(&self, t_s: f64) -> Experience {
-        match &self.motion {
+        let base = match &self.motion {
             Moving::Tumble(tumble) => self.at_rest(&tumble.attitude(t_s)),
             Moving::Static(grid) => self.at_rest(&grid.attitude(t_s)),
+            Moving::Sweep(sweep) => self.at_rest(&sweep.attitude(t_s)),
+            Moving::Step(step) => self.at_rest(&step.attitude(t_s)),
             Moving::Recording(recording) => recording.at(t_s),
-        }
+        };
+        self.overlay.on(base, t_s)
     }
 }
