@@ -39,7 +39,7 @@ pub struct Tolerance {
 }
 
 /// An application.
-pub trait App {
+pub trait App: Sync {
     /// Name, as in `--app`.
     fn name(&self) -> &'static str;
     /// Nodes with their deployed formats.

@@ -49,8 +49,13 @@ fn main() -> ExitCode {
         Err(error) => error.exit(),
     };
     let output = Output::new(&cli.output);
-    let done = match cli.command {
-        Command::Run(arguments) => commands::run::execute(&arguments, output),
+    let done = match &cli.command {
+        Command::Compare(args) => commands::compare::compare(args, output),
+        Command::Golden(args) => commands::participants::golden(args, output),
+        Command::Native(args) => commands::participants::native(args, output),
+        Command::Emulate(args) => commands::participants::emulate(args, output),
+        Command::Diff(args) => commands::participants::diff(args, output),
+        Command::Run(args) => commands::run::execute(args, output),
     };
     match done {
         Ok(code) => code,
