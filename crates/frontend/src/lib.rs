@@ -19,6 +19,7 @@ mod error;
 pub mod matrix;
 pub mod pattern;
 pub mod propagate;
+mod sampler;
 mod saturation;
 pub mod switching;
 
@@ -35,6 +36,7 @@ pub use saturation::{Saturation, Stage};
 pub use switching::Pin;
 
 use channel::{Channel, Inputs, Plan, SPAN_CYCLES, Unit};
+use sampler::Sampler;
 use switching::{Edge, EdgeQueue};
 
 /// Waiting edges at which all channels are brought up to date, so that the queue stays short even
@@ -49,6 +51,7 @@ pub struct Frontend<S> {
     inputs: Inputs<S>,
     edges: EdgeQueue,
     levels: [bool; 2],
+    sampler: Sampler,
     /// Latest edge pushed or voltage asked for.
     reached: u64,
 }
@@ -64,6 +67,7 @@ impl<S: Stimulus> Frontend<S> {
         let first = *inputs.at(0);
         let channels = Name::ALL
             .map(|name| Channel::new(plan(scenario, &design, name), seed, name as u8, &first));
+        let sampler = Sampler::new(&scenario.adc)?;
         let (edges, levels) = (EdgeQueue::default(), [false; 2]);
         Ok(Self {
             channels,
@@ -71,6 +75,7 @@ impl<S: Stimulus> Frontend<S> {
             inputs,
             edges,
             levels,
+            sampler,
             reached: 0,
         })
     }
@@ -103,7 +108,9 @@ impl<S: Stimulus> Frontend<S> {
         Ok(())
     }
 
-    /// Voltage at a converter pin at `cycle`: the ideal voltage, without the converter's errors.
+    /// Voltage on the converter's sampling capacitor when it holds a channel at `cycle`: the ideal
+    /// voltage, without the converter's errors. Readings are conversions: each leaves its voltage on
+    /// the capacitor for the next.
     ///
     /// # Errors
     /// `cycle` lies before an earlier reading of this channel, or before an edge that the channel
@@ -125,7 +132,7 @@ impl<S: Stimulus> Frontend<S> {
                 .min()
                 .unwrap_or(0),
         );
-        Ok(Volts(volts))
+        Ok(Volts(self.sampler.take(volts)))
     }
 
     /// Every stage that left its linear range, with channel, first cycle and count.

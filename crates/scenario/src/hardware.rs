@@ -145,6 +145,12 @@ parameters! {
 parameters! {
     /// Errors of the converter between pin voltage and code, in steps of the 10-bit converter.
     pub struct Adc at "adc" {
+        /// Resistance between a channel's output amplifier and the converter's sampling capacitor:
+        /// driver and multiplexer.
+        source_ohm = 11_000.0, "ohm", 0.0 => 1e7,
+            Assumed("1 kohm driver, 10 kohm multiplexer; [AIN]: 1 to 100 kohm in series");
+        /// The sampling capacitor, which the multiplexer takes from channel to channel.
+        sample_pf = 14.0, "pF", 0.0 => 1e4, Published("[AIN], AVR family");
         /// White noise of a conversion, rms.
         noise_lsb = 0.5, "LSB", 0.0 => 100.0, Assumed("from 2 LSB absolute accuracy");
         /// Offset error.

@@ -8,6 +8,7 @@
 //! Frames: reference magnetic north, east, down; body x forward, y right, z down when level. The
 //! unit of specific force is local gravity.
 
+mod check;
 pub mod corners;
 mod error;
 pub mod experience;

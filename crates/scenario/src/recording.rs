@@ -1,9 +1,9 @@
 //! A recording as a motion: interpolated experience and reference attitude.
 //!
 //! Between samples specific force and field follow a cubic Hermite curve through the samples with
-//! central-difference slopes (Catmull-Rom on uneven time), straight lines across gaps. The response
-//! of that curve falls by 1 dB at a quarter of the sampling rate, 71 Hz for 285 Hz recordings, well
-//! above the device's low-pass.
+//! central-difference slopes (Catmull-Rom on uneven time), straight lines across gaps. Sampled at
+//! 285.7 Hz, a tone of 29 Hz passes with -0.02 dB, 50 Hz with -0.14 dB, 71 Hz with -0.55 dB; the
+//! image of a 50 Hz tone at 236 Hz lies at -34 dB, before the device's own low-pass of 50 Hz.
 
 use std::path::Path;
 

@@ -291,6 +291,53 @@ fn an_explicit_field_is_taken_instead_of_the_estimate() {
 }
 
 #[test]
+fn tones_pass_the_resampling_with_the_stated_gain_and_image() {
+    // Gains of Catmull-Rom (Keys' cubic convolution) by numerical Fourier transform of its kernel.
+    for (share, gain, image) in [
+        (0.1, 0.9981, 0.0037),
+        (0.175, 0.9836, 0.0190),
+        (0.25, 0.939, 0.0626),
+    ] {
+        let hz = share / 0.0035;
+        let turn = 2.0 * std::f64::consts::PI;
+        let mut lines = resting(0);
+        for k in 0..4000 {
+            let t = f64::from(k) * 0.0035;
+            let tone = if k < 1000 {
+                0.0
+            } else {
+                libm::sin(turn * hz * t)
+            };
+            lines.push(format!("{t},{tone},0.0,9.81,5.0,20.0,-40.0,,,,"));
+        }
+        let (_directory, path) = file("tone.csv", lines.join("\n").as_bytes());
+        let recording = open(&path).expect("valid");
+        let amplitude = |hz: f64| {
+            let (mut s, mut c, n) = (0.0, 0.0, 100_000);
+            for k in 0..n {
+                // 2,800 whole sampling intervals hold whole periods of all three tones and images.
+                let t = 3.85 + 9.8 * (f64::from(k) + 0.5) / f64::from(n);
+                let (sine, cosine) = libm::sincos(turn * hz * t);
+                let force = recording.at(t).specific_force_g[1] * 9.81;
+                (s, c) = (s + force * sine, c + force * cosine);
+            }
+            2.0 * (s * s + c * c).sqrt() / f64::from(n)
+        };
+        assert!(
+            (amplitude(hz) - gain).abs() < 5e-4,
+            "{hz}: {}",
+            amplitude(hz)
+        );
+        let image_hz = 1.0 / 0.0035 - hz;
+        assert!(
+            amplitude(image_hz) < image + 5e-4,
+            "{hz}: image {}",
+            amplitude(image_hz)
+        );
+    }
+}
+
+#[test]
 fn after_its_end_a_recording_holds_its_last_value() {
     let (_directory, path) = file("made.csv", &made(true));
     let recording = open(&path).expect("valid");
