@@ -42,6 +42,8 @@
 extern crate std;
 
 mod arithmetic;
+#[cfg(doctest)]
+mod build_errors;
 #[cfg(feature = "codegen")]
 pub mod codegen;
 mod container;

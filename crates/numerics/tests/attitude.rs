@@ -1,0 +1,245 @@
+//! The firmware's whole attitude algorithm: mixed with the deployed formats equals the deployed
+//! firmware in every node and bit; real equals the truth to the algorithm's own error.
+
+use cardan_datapath::{Arithmetic, Deployed, Node, Overflow, Value};
+use cardan_firmware::attitude::{State, solve};
+use cardan_firmware::averaging::{Averager, Sums};
+use cardan_firmware::calibration::{Calibration, NOMINAL};
+use cardan_firmware::nodes::{Accumulator, NODE_COUNT, NODES, Pitch, Roll, Yaw};
+use cardan_numerics::{
+    Algorithm, DeployedRecorder, Formats, Mixed, Number, Recorder, Recording, record,
+};
+use cardan_spec::calibration::WORDS;
+use cardan_spec::timing::{AVERAGING, WARM_UP_SOLUTIONS};
+use cardan_spec::{CHANNELS, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G, flags};
+use cardan_units::AdcCode;
+use proptest::prelude::*;
+
+/// The algorithm over a run of conversions; the status of each solution.
+struct Attitude<'a> {
+    words: &'a [i32; WORDS],
+    codes: &'a [AdcCode],
+}
+
+impl Algorithm for Attitude<'_> {
+    type Output = Vec<u16>;
+    fn run<M: Arithmetic>(&self, m: &M) -> Vec<u16> {
+        let calibration = Calibration::new(m, self.words);
+        let mut state = State::new(m);
+        let mut averager = Averager::new(m);
+        let mut step = |code: &AdcCode| {
+            let sums = averager.push(m, *code)?;
+            solve(m, &calibration, &mut state, &sums);
+            Some(m.take_status())
+        };
+        self.codes.iter().filter_map(&mut step).collect()
+    }
+}
+
+fn deployed(algorithm: &impl Algorithm<Output = Vec<u16>>) -> (Vec<u16>, Recording) {
+    let m = Deployed::new(DeployedRecorder::new(NODE_COUNT));
+    let status = algorithm.run(&m);
+    (status, m.tap().take())
+}
+
+/// The codes of some solutions, behind the warm-up.
+fn with_warm_up(solutions: impl IntoIterator<Item = AdcCode>) -> Vec<AdcCode> {
+    let warm_up = WARM_UP_SOLUTIONS * AVERAGING * CHANNELS;
+    let start = std::iter::repeat_n(AdcCode(512), warm_up);
+    start.chain(solutions).collect()
+}
+
+fn assert_equal(algorithm: &impl Algorithm<Output = Vec<u16>>) -> Recording {
+    let (expected_status, expected) = deployed(algorithm);
+    let (status, found) = record(algorithm, &Formats::deployed(&NODES).unwrap());
+    assert_eq!(status, expected_status);
+    for (index, node) in NODES.iter().enumerate() {
+        assert_eq!(found.raws[index], expected.raws[index], "{}", node.name);
+        assert_eq!(
+            found.overflows[index], expected.overflows[index],
+            "{}",
+            node.name
+        );
+        let real = |raw: &i64| node.format.real(*raw);
+        assert!(
+            found.raws[index]
+                .iter()
+                .map(real)
+                .eq(found.values[index].iter().copied())
+        );
+    }
+    found
+}
+
+/// Codes of a device that rests in some attitude and field, or anything.
+fn any_codes() -> impl Strategy<Value = Vec<AdcCode>> {
+    let count = AVERAGING * CHANNELS;
+    let still = (proptest::array::uniform4(0u16..1024), 0u16..8).prop_map(move |(base, noise)| {
+        let code = |at: usize| base[at % CHANNELS] + (at * 7919 % 8) as u16 % (noise + 1);
+        (0..count).map(|at| AdcCode(code(at).min(1023))).collect()
+    });
+    let wild = proptest::collection::vec((0u16..1024).prop_map(AdcCode), count);
+    let solution = prop_oneof![4 => still, 1 => wild];
+    proptest::collection::vec(solution, 1..6).prop_map(|all: Vec<Vec<AdcCode>>| all.concat())
+}
+
+fn any_words() -> impl Strategy<Value = [i32; WORDS]> {
+    let near = proptest::array::uniform15(-(1i32 << 22)..1 << 22).prop_map(|moves| {
+        let mut words = NOMINAL;
+        words
+            .iter_mut()
+            .zip(moves)
+            .for_each(|(word, by)| *word += by);
+        words
+    });
+    prop_oneof![
+        near,
+        Just(NOMINAL),
+        proptest::array::uniform15(any::<i32>())
+    ]
+}
+
+proptest! {
+    #![proptest_config(ProptestConfig::with_cases(400))]
+
+    #[test]
+    fn every_node_equals_the_deployed_firmware(words in any_words(), codes in any_codes()) {
+        let codes = with_warm_up(codes);
+        assert_equal(&Attitude { words: &words, codes: &codes });
+    }
+
+    #[test]
+    fn a_prefix_quantises_its_nodes_and_no_other(codes in any_codes(), count in 0..=NODE_COUNT) {
+        let codes = with_warm_up(codes);
+        let attitude = Attitude { words: &NOMINAL, codes: &codes };
+        let (_, found) = record(&attitude, &Formats::deployed(&NODES).unwrap().prefix(count));
+        for index in 0..NODE_COUNT {
+            let words = if index < count { found.values[index].len() } else { 0 };
+            prop_assert_eq!(found.raws[index].len(), words);
+            prop_assert!(found.values[index].iter().all(|value| value.is_finite()));
+        }
+    }
+}
+
+/// Every corner of the sensors' range: clipped codes, zero divisors, negative radicands.
+#[test]
+fn the_corners_of_the_range_equal_the_deployed_firmware() {
+    let mut codes = Vec::new();
+    for corner in 0..3usize.pow(4) {
+        let code = |at: usize| [0, 512, 1023][corner / 3usize.pow((at % CHANNELS) as u32) % 3];
+        codes.extend((0..AVERAGING * CHANNELS).map(|at| AdcCode(code(at))));
+    }
+    let codes = with_warm_up(codes);
+    let found = assert_equal(&Attitude {
+        words: &NOMINAL,
+        codes: &codes,
+    });
+    let saturated =
+        |(node, overflows): (&cardan_datapath::NodeInfo, &cardan_numerics::Overflows)| {
+            node.format.overflow == Overflow::Saturate && overflows.count > 0
+        };
+    assert!(
+        NODES.iter().zip(&found.overflows).any(saturated),
+        "the corners do overflow"
+    );
+}
+
+/// Solutions from the accumulators that ideal sensors and an infinitely fine converter would give.
+struct Ideal(Vec<[f64; 3]>);
+
+/// Cosine and sine of the nominal inclination, as the calibration holds them.
+fn inclination() -> [f64; 2] {
+    [12, 13].map(|word: usize| f64::from(NOMINAL[word]) / f64::from(1 << 28))
+}
+
+impl Ideal {
+    /// Sums over full scale for an attitude in degrees: set 1's rotation, gravity and field in the
+    /// body's x and y.
+    fn sums([yaw, pitch, roll]: [f64; 3]) -> [f64; CHANNELS] {
+        let [(sy, cy), (sp, cp), (sr, cr)] = [yaw, pitch, roll].map(|degrees| {
+            (
+                libm::sin(degrees.to_radians()),
+                libm::cos(degrees.to_radians()),
+            )
+        });
+        let [h, v] = inclination();
+        let x = [cy * cp, sy * cp, -sp];
+        let y = [cy * sp * sr - sy * cr, sy * sp * sr + cy * cr, cp * sr];
+        let field = |axis: [f64; 3]| h * axis[0] + v * axis[2];
+        let field_gain = f64::from(NOMINAL[8]) / f64::from(1 << 28);
+        let tilt_gain = f64::from(NOMINAL[2]) / f64::from(1 << 28);
+        let offset = f64::from(NOMINAL[0]) / f64::from(1 << 28);
+        [
+            x[2] / tilt_gain,
+            y[2] / tilt_gain,
+            field(x) / field_gain,
+            field(y) / field_gain,
+        ]
+        .map(|share| (share + offset) * 512.0 * AVERAGING as f64)
+    }
+
+    /// Yaw, pitch and roll of every solution, in degrees.
+    fn solve(&self) -> Vec<[f64; 3]> {
+        let m = Mixed::new(&Formats::real(NODE_COUNT), Recorder::new(NODE_COUNT));
+        let calibration = Calibration::new(&m, &NOMINAL);
+        let mut state = State::new(&m);
+        for attitude in &self.0 {
+            let sum = |real: f64| Value::<_, Accumulator>::new(Number { real, raw: None });
+            let sums = Sums {
+                sums: Self::sums(*attitude).map(sum),
+                clipped: false,
+            };
+            solve(&m, &calibration, &mut state, &sums);
+            assert_eq!(m.take_status() & !flags::HALF_SPACE, 0, "{attitude:?}");
+        }
+        let recording = m.into_observer().into_recording();
+        let angle = |node: usize, at: usize| recording.values[node][at] * 180.0;
+        (0..self.0.len())
+            .map(|at| [Yaw::INDEX, Pitch::INDEX, Roll::INDEX].map(|node| angle(node, at)))
+            .collect()
+    }
+}
+
+#[test]
+fn the_nominal_gains_are_the_full_scales() {
+    // What `Ideal` assumes of the calibration: diagonal, and equal offsets.
+    let real = |word: usize| f64::from(NOMINAL[word]) / f64::from(1 << 28);
+    assert!((real(2) + TILT_FULL_SCALE_G).abs() < 1e-8);
+    assert!((real(8) - FIELD_FULL_SCALE_UT / 46.812).abs() < 1e-8);
+    assert_eq!([real(2), real(8), real(0)], [real(5), real(11), real(6)]);
+    assert_eq!([3, 4, 9, 10].map(|word| NOMINAL[word]), [0; 4]);
+}
+
+#[test]
+fn the_real_attitude_is_the_truth_to_the_polynomials_error() {
+    let mut attitudes = Vec::new();
+    for yaw in (-180..=180).step_by(6) {
+        for pitch in (-70..=70).step_by(14) {
+            for roll in (-70..=70).step_by(14) {
+                // Off the grid, so that no angle is special; yaw passes through half a turn.
+                attitudes.push([
+                    f64::from(yaw) + 0.013,
+                    f64::from(pitch) + 0.17,
+                    f64::from(roll) - 0.29,
+                ]);
+            }
+        }
+    }
+    let solved = Ideal(attitudes.clone()).solve();
+    let mut worst = [0.0f64; 3];
+    for (truth, found) in attitudes.iter().zip(&solved) {
+        for axis in 0..3 {
+            let error = (found[axis] - truth[axis] + 540.0).rem_euclid(360.0) - 180.0;
+            worst[axis] = worst[axis].max(error.abs());
+        }
+    }
+    // Pitch and roll are one inverse sine each, 1.4e-4 degrees; yaw averages two of them.
+    for (axis, name) in ["yaw", "pitch", "roll"].iter().enumerate() {
+        assert!(worst[axis] < 1.5e-4, "{name}: {:e} degrees", worst[axis]);
+        assert!(
+            worst[axis] > 1e-6,
+            "{name}: {:e} degrees is too good for the polynomial",
+            worst[axis]
+        );
+    }
+}
