@@ -21,7 +21,7 @@ use crate::error::LinkError;
 use crate::role::Role;
 use crate::session_id::SessionId;
 use crate::stream::{Stream, Visitor, for_each};
-use crate::transport::{config, node_prefix, service_text};
+use crate::transport::{NODE_PREFIX, config, service_text};
 
 /// Where Linux keeps POSIX shared memory.
 const SHARED_MEMORY: &str = "/dev/shm";
@@ -69,7 +69,10 @@ impl Owner {
 /// Cleans up behind the session's dead nodes, and behind `gone`, which must have been reaped.
 pub(crate) fn sweep(session: &SessionId, gone: &BTreeSet<Owner>) {
     let config = config();
-    let (dead, any_alive) = nodes(&config, session);
+    let mut nodes = cardan_nodes(&config);
+    nodes.retain(|(of, _)| of == session.as_str());
+    let any_alive = nodes.iter().any(|(_, node)| node.is_none());
+    let dead: Vec<_> = nodes.into_iter().filter_map(|(_, node)| node).collect();
     let mut gone = gone.clone();
     gone.extend(dead.iter().map(|node| Owner::of(node.id().value())));
     // A number that is in use again belongs to somebody else by now.
@@ -89,30 +92,51 @@ pub(crate) fn sweep(session: &SessionId, gone: &BTreeSet<Owner>) {
     for path in owned(&PathBuf::from(config.global.node_dir().to_string()), &gone) {
         remove(&path);
     }
-    remove_services(
-        &root.join(config.global.service.directory.to_string()),
-        session,
-    );
+    let services = root.join(config.global.service.directory.to_string());
+    remove_services(&services, session, &gone);
 }
 
-/// The session's dead nodes, and whether there is a living one.
-fn nodes(config: &Config, session: &SessionId) -> (Vec<DeadNodeView<ipc::Service>>, bool) {
-    let prefix = node_prefix(session);
-    let (mut dead, mut any_alive) = (Vec::new(), false);
-    let is_ours = |view: &dyn NodeView| {
-        let details = view.details().as_ref();
-        details.is_some_and(|details| details.name().as_str().starts_with(&prefix))
+/// Removes what sessions left of which nobody is alive any more, because they were killed together
+/// with their supervisor.
+pub(crate) fn heal() {
+    let config = config();
+    let nodes = cardan_nodes(&config);
+    let alive: BTreeSet<_> = nodes
+        .iter()
+        .filter(|(_, node)| node.is_none())
+        .map(|(session, _)| session)
+        .collect();
+    let orphans = nodes.iter().filter(|(session, _)| !alive.contains(session));
+    for node in orphans.filter_map(|(_, node)| node.clone()) {
+        remove_unfinished(&BTreeSet::from([Owner::of(node.id().value())]));
+        // One that another process is removing is as good as removed.
+        let _ = node.try_remove_stale_resources();
+    }
+}
+
+/// All participants of all sessions of this user: the session, and the node if it is dead.
+fn cardan_nodes(config: &Config) -> Vec<(String, Option<DeadNodeView<ipc::Service>>)> {
+    let session = |view: &dyn NodeView| {
+        let name = view.details().as_ref()?.name().to_string();
+        Some(
+            name.strip_prefix(NODE_PREFIX)?
+                .split('/')
+                .next()?
+                .to_owned(),
+        )
     };
+    let mut nodes = Vec::new();
     // A list that breaks off leaves nodes for the next clean-up.
     let _ = Node::<ipc::Service>::list(config, |state| {
-        match state {
-            NodeState::Dead(node) if is_ours(&node) => dead.push(node),
-            NodeState::Alive(node) => any_alive |= is_ours(&node),
-            _ => {}
-        }
+        let found = match state {
+            NodeState::Dead(node) => session(&node).map(|session| (session, Some(node))),
+            NodeState::Alive(node) => session(&node).map(|session| (session, None)),
+            NodeState::Inaccessible(_) | NodeState::Undefined(_) => None,
+        };
+        nodes.extend(found);
         CallbackProgression::Continue
     });
-    (dead, any_alive)
+    nodes
 }
 
 /// Removes shared memory that one of `gone` was creating when it was killed. iceoryx2 0.10 waits
@@ -178,15 +202,25 @@ fn ids_in(name: &str) -> Vec<u128> {
     }
 }
 
-/// Removes the descriptions of the session's services, which are named by a hash alone.
-fn remove_services(folder: &Path, session: &SessionId) {
-    struct Remove<'a>(&'a Path, &'a SessionId);
+/// Removes the descriptions of the session's services that one of `gone` made. They are named by
+/// a hash alone; who made one stands in it, unless it is torn.
+fn remove_services(folder: &Path, session: &SessionId, gone: &BTreeSet<Owner>) {
+    struct Remove<'a>(&'a Path, &'a SessionId, &'a BTreeSet<Owner>);
 
     impl Visitor for Remove<'_> {
         fn visit<S: Stream>(&mut self, _: S) -> Result<(), LinkError> {
-            for &writer in S::WRITERS {
-                if let Some(file) = description::<S>(self.1, writer) {
-                    remove(&self.0.join(file));
+            let Self(folder, session, gone) = *self;
+            for file in S::WRITERS
+                .iter()
+                .filter_map(|&writer| description::<S>(session, writer))
+            {
+                let path = folder.join(file);
+                let Ok(text) = fs::read_to_string(&path) else {
+                    continue;
+                };
+                let is_torn = maker(&text).is_none() && !gone.is_empty();
+                if is_torn || maker(&text).is_some_and(|maker| gone.contains(&maker)) {
+                    remove(&path);
                 }
             }
             Ok(())
@@ -194,7 +228,17 @@ fn remove_services(folder: &Path, session: &SessionId) {
     }
 
     // The visitor itself cannot fail.
-    let _ = for_each(&mut Remove(folder, session));
+    let _ = for_each(&mut Remove(folder, session, gone));
+}
+
+/// The process that made a service, from the upper half of the service's id in its description.
+fn maker(description: &str) -> Option<Owner> {
+    let upper = description
+        .lines()
+        .find_map(|line| line.strip_prefix("unique_value = "))?;
+    Some(Owner::of(
+        u128::from(upper.trim().parse::<u64>().ok()?) << 64,
+    ))
 }
 
 /// Name of the file in which iceoryx2 describes a service.
@@ -230,6 +274,14 @@ mod tests {
         assert_eq!(ids_in(&format!("iox2_{digits}_16.dynamic")), [16]);
         assert_eq!(ids_in(&format!("iox2_{HASH}_node.0_10_0.global_mgmt")), []);
         assert_eq!(ids_in("other_17.data"), []);
+    }
+
+    #[test]
+    fn a_description_tells_who_made_the_service_unless_it_is_torn() {
+        let text = "[unique_service_id]\npayload_value = 7\nunique_value = 38654730640\n";
+        assert_eq!(maker(text), Some(Owner { pid: 24976 }));
+        assert_eq!(maker(&text[..40]), None);
+        assert_eq!(maker(""), None);
     }
 
     #[test]

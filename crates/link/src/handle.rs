@@ -5,7 +5,7 @@ use std::rc::Rc;
 use crate::error::LinkError;
 use crate::port::{Input, Output};
 use crate::role::Role;
-use crate::session::Shared;
+use crate::shared::Shared;
 use crate::stream::Stream;
 
 /// Publishes one stream. Records are collected and sent in slices.

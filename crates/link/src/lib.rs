@@ -44,11 +44,14 @@ mod blob;
 mod cleanup;
 mod error;
 mod handle;
+mod opening;
+mod options;
 mod port;
 mod record;
 mod role;
 mod session;
 mod session_id;
+mod shared;
 pub mod stream;
 mod supervisor;
 mod transport;
@@ -58,13 +61,15 @@ pub use blob::{Blob, BlobReader, BlobWriter};
 pub use cleanup::cleanup;
 pub use error::{Death, LinkError};
 pub use handle::{Reader, Writer};
+pub use options::Options;
 pub use port::Traffic;
 pub use record::{Conversion, Frame, NodeReal, NodeWord, Notice, Record, TruthSample};
 pub use role::Role;
-pub use session::{Counters, Options, Session};
+pub use session::{Counters, Session};
 pub use session_id::SessionId;
 pub use supervisor::{Ending, Finished, Participant, Supervisor, SupervisorError};
 pub use transport::Transport;
+pub use watch::end_with_supervisor;
 
 /// Keeps iceoryx2 silent, also about the deaths that this crate reports itself. Its own variable
 /// `IOX2_LOG_LEVEL` (`error`, `warn`, `debug`, ...) makes it speak, on standard error.

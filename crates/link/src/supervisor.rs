@@ -9,7 +9,7 @@ use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitSta
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::cleanup::{Owner, sweep};
+use crate::cleanup::{Owner, heal, remove_unfinished_management, sweep};
 use crate::role::Role;
 use crate::session_id::SessionId;
 
@@ -30,7 +30,10 @@ const GRACE: Duration = Duration::from_millis(600);
 const EXIT_DIED: i32 = 3;
 
 /// Bytes of standard error that are kept.
-const TAIL: usize = 8 * 1024;
+const TAIL: usize = 64 * 1024;
+
+/// Lines of it that an error quotes.
+const QUOTED_LINES: usize = 12;
 
 /// One child process to be started.
 #[derive(Debug)]
@@ -149,11 +152,12 @@ impl SupervisorError {
 }
 
 fn quoted(stderr: &str) -> String {
-    let text = stderr.trim();
-    if text.is_empty() {
+    let lines: Vec<_> = stderr.trim().lines().collect();
+    let last = lines[lines.len().saturating_sub(QUOTED_LINES)..].join("\n");
+    if last.is_empty() {
         String::new()
     } else {
-        format!("; it said: {text}")
+        format!("; it said: {last}")
     }
 }
 
@@ -290,6 +294,9 @@ impl Supervisor {
         session: &SessionId,
         participants: Vec<Participant>,
     ) -> Result<Self, SupervisorError> {
+        crate::quieten();
+        remove_unfinished_management();
+        heal();
         let mut supervisor = Self {
             session: session.clone(),
             children: Vec::new(),

@@ -143,8 +143,11 @@ pub(crate) fn config() -> Config {
 
 /// Prefix of the node names of a session.
 pub(crate) fn node_prefix(session: &SessionId) -> String {
-    format!("cardan/{session}/")
+    format!("{NODE_PREFIX}{session}/")
 }
+
+/// Prefix of the node names of all sessions.
+pub(crate) const NODE_PREFIX: &str = "cardan/";
 
 /// Name of the service that carries a stream.
 pub(crate) fn service_text<S: Stream>(session: &SessionId, writer: Role) -> String {

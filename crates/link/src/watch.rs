@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::io::{ErrorKind, Read};
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::{Arc, Mutex, Once, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
@@ -14,6 +14,7 @@ use crate::cleanup::{Owner, remove_unfinished};
 use crate::error::{Death, LinkError};
 use crate::role::Role;
 use crate::session_id::SessionId;
+use crate::supervisor::SUPERVISED;
 use crate::transport::{Peer, Transport, peers};
 
 /// Time between two looks at the peers.
@@ -104,6 +105,9 @@ impl Watch {
                 if let Ok(peers) = peers(transport, &session) {
                     rounds.judge(&peers);
                 }
+                if ORPHANED.load(Ordering::Acquire) {
+                    rounds.verdict.fail(LinkError::SupervisorDied);
+                }
                 if stopped.recv_timeout(PERIOD) != Err(RecvTimeoutError::Timeout) {
                     return;
                 }
@@ -166,23 +170,32 @@ impl Rounds {
     }
 }
 
-/// Fails the session when standard input ends, and ends the process if the participant, busy
-/// elsewhere, has not done so itself soon after.
-pub(crate) fn watch_supervisor(verdict: Arc<Verdict>) {
-    std::thread::spawn(move || {
-        let mut byte = [0];
-        // The supervisor never writes: anything but waiting means that it is gone.
-        loop {
-            match std::io::stdin().read(&mut byte) {
-                Err(e) if e.kind() == ErrorKind::Interrupted => {}
-                Ok(1) => {}
-                Ok(_) | Err(_) => break,
-            }
+/// Ties this process to its supervisor, if it has one: when the supervisor dies, sessions fail, and
+/// a process that has not ended soon after is ended. A participant calls it first thing, before any
+/// long preparation; [`Session::join`](crate::Session::join) calls it in any case.
+pub fn end_with_supervisor() {
+    static ONCE: Once = Once::new();
+    if std::env::var_os(SUPERVISED).is_some() {
+        ONCE.call_once(|| drop(std::thread::spawn(wait_for_supervisors_end)));
+    }
+}
+
+/// Set when the supervisor is gone.
+static ORPHANED: AtomicBool = AtomicBool::new(false);
+
+fn wait_for_supervisors_end() {
+    let mut byte = [0];
+    // The supervisor never writes: anything but waiting means that it is gone.
+    loop {
+        match std::io::stdin().read(&mut byte) {
+            Err(e) if e.kind() == ErrorKind::Interrupted => {}
+            Ok(1) => {}
+            Ok(_) | Err(_) => break,
         }
-        verdict.fail(LinkError::SupervisorDied);
-        std::thread::sleep(GRACE);
-        std::process::exit(EXIT_DIED);
-    });
+    }
+    ORPHANED.store(true, Ordering::Release);
+    std::thread::sleep(GRACE);
+    std::process::exit(EXIT_DIED);
 }
 
 #[cfg(test)]

@@ -199,19 +199,17 @@ fn a_participant_that_computes_for_seconds_is_not_taken_for_dead() {
     assert_eq!(finished.expect("completes").len(), 4);
 }
 
-#[test]
-fn children_end_when_their_supervisor_is_killed_and_leave_nothing() {
-    let _watchdog = Watchdog::new(60);
-    let _alone = alone();
-    let session = SessionId::fresh();
+/// Starts `link-participant supervise`, kills it after `moment` and returns its children's pids
+/// when they have ended.
+fn kill_supervisor(session: &SessionId, settings: &[&str], moment: Duration) -> BTreeSet<u32> {
     let mut supervisor = Command::new(PROGRAM)
         .args(["supervise", session.as_str()])
-        .args(["records=50000", "stall=20"])
+        .args(settings)
+        .stderr(Stdio::null())
         .spawn()
         .expect("starts");
-    std::thread::sleep(Duration::from_millis(500));
+    std::thread::sleep(moment);
     let children = children_of(supervisor.id());
-    assert_eq!(children.len(), 4);
     kill(supervisor.id());
     supervisor.wait().expect("is reaped");
     let start = Instant::now();
@@ -222,14 +220,45 @@ fn children_end_when_their_supervisor_is_killed_and_leave_nothing() {
         );
         std::thread::sleep(Duration::from_millis(10));
     }
-    // Emulated sleeps and has to end the hard way; whoever comes next cleans up behind it.
-    cardan_link::cleanup(&session);
-    assert_no_traces(&session, &children, "afterwards");
+    children
+}
+
+#[test]
+fn children_end_when_their_supervisor_is_killed_at_any_moment_and_leave_nothing() {
+    let _watchdog = Watchdog::new(120);
+    let _alone = alone();
+    let mut ended = 0;
+    for n in 0..12 {
+        let session = SessionId::fresh();
+        let moment = Duration::from_micros(20_000 + random(n) % 100_000);
+        let endless = ["records=1000000000000"];
+        let children = kill_supervisor(&session, &endless, moment);
+        assert_no_traces(&session, &children, &format!("after {moment:?}"));
+        ended += children.len();
+    }
+    assert!(ended > 12, "only {ended} children in 12 runs");
+}
+
+#[test]
+fn what_a_child_that_had_to_be_ended_left_is_removed_by_the_next_session() {
+    let _watchdog = Watchdog::new(60);
+    let _alone = alone();
+    let session = SessionId::fresh();
+    // Emulated sleeps and does not notice by itself that its supervisor is gone.
+    let asleep = ["records=50000", "stall=20"];
+    let children = kill_supervisor(&session, &asleep, Duration::from_millis(500));
+    assert_eq!(children.len(), 4);
+    let next = start(&SessionId::fresh(), &[]).wait();
+    assert_eq!(next.expect("completes").len(), 4);
+    assert_no_traces(&session, &children, "after the next session");
 }
 
 fn children_of(pid: u32) -> BTreeSet<u32> {
-    let path = format!("/proc/{pid}/task/{pid}/children");
-    let children = std::fs::read_to_string(path).expect("the supervisor runs");
+    let tasks = std::fs::read_dir(format!("/proc/{pid}/task")).expect("the supervisor runs");
+    let lists = tasks
+        .flatten()
+        .map(|task| std::fs::read_to_string(task.path().join("children")));
+    let children: String = lists.flatten().collect();
     children
         .split_whitespace()
         .map(|pid| pid.parse().expect("a number"))
