@@ -125,7 +125,7 @@ macro_rules! operations {
 
 struct Coefficients;
 impl Table for Coefficients {
-    const VALUES: &'static [f64] = &[0.318, -1.0, 1e9, -0.0078125, 0.5];
+    const VALUES: &'static [f64] = &[0.3, -1.0, 1e9, -0.0078125, 0.5];
 }
 
 struct Pi;
