@@ -20,12 +20,26 @@ const PROGRAMS: [(&str, u64); 4] = [
 
 fn main() -> Result<(), Box<dyn Error>> {
     // `cargo bench` passes flags of its own; the first number is ours.
-    let runs = std::env::args().find_map(|text| text.parse().ok()).unwrap_or(5usize);
+    let runs = std::env::args()
+        .find_map(|text| text.parse().ok())
+        .unwrap_or(5usize);
     let home = Path::new(env!("CARGO_MANIFEST_DIR")).join("benches");
     let scratch = tempfile::tempdir()?;
     let simavr = scratch.path().join("simavr_run");
-    tool("gcc", &["-O2", "-o", text(&simavr), text(&home.join("simavr_run.c")), "-lsimavr"])?;
-    println!("{:12} {:>10} {:>10} {:>7}   (Mcycles/s, median of {runs})", "program", "cardan", "simavr", "ratio");
+    tool(
+        "gcc",
+        &[
+            "-O2",
+            "-o",
+            text(&simavr),
+            text(&home.join("simavr_run.c")),
+            "-lsimavr",
+        ],
+    )?;
+    println!(
+        "{:12} {:>10} {:>10} {:>7}   (Mcycles/s, median of {runs})",
+        "program", "cardan", "simavr", "ratio"
+    );
     for (name, cycles) in PROGRAMS {
         let (elf, binary) = build(&home, scratch.path(), name)?;
         let (mut ours, mut theirs) = (Vec::new(), Vec::new());
@@ -53,9 +67,17 @@ fn tool(program: &str, arguments: &[&str]) -> Result<String, Box<dyn Error>> {
 
 fn build(home: &Path, scratch: &Path, name: &str) -> Result<(PathBuf, PathBuf), Box<dyn Error>> {
     let source = home.join("programs").join(format!("{name}.c"));
-    let (elf, binary) =
-        (scratch.join(format!("{name}.elf")), scratch.join(format!("{name}.bin")));
-    let flags = ["-mmcu=atmega328p", "-DF_CPU=16000000UL", "-Os", "-std=gnu99", "-o"];
+    let (elf, binary) = (
+        scratch.join(format!("{name}.elf")),
+        scratch.join(format!("{name}.bin")),
+    );
+    let flags = [
+        "-mmcu=atmega328p",
+        "-DF_CPU=16000000UL",
+        "-Os",
+        "-std=gnu99",
+        "-o",
+    ];
     let mut arguments = flags.to_vec();
     arguments.extend([text(&elf), text(&source)]);
     tool("avr-gcc", &arguments)?;

@@ -86,7 +86,7 @@ impl Machine {
             io::MCUCR => self.system.mcucr,
             io::SPL => self.core.sp as u8,
             io::SPH => (self.core.sp >> 8) as u8,
-            io::SREG => self.core.sreg,
+            io::SREG => self.core.flags.sreg(),
             io::CLKPR => self.system.read_clkpr(at),
             io::PRR => self.system.prr,
             io::OSCCAL => self.system.osccal,

@@ -99,8 +99,12 @@ fn text(op: Op, word: u16, second: u16) -> String {
         Code::Ror => single("ror"),
         Code::Bset | Code::Sei => SET[usize::from(word >> 4 & 7)].to_owned(),
         Code::Bclr => CLEAR[usize::from(word >> 4 & 7)].to_owned(),
-        Code::Brbs => format!("{} {}", BRANCH_SET[bit], relative(k)),
-        Code::Brbc => format!("{} {}", BRANCH_CLEAR[bit], relative(k)),
+        Code::Brbs | Code::Brcs | Code::Breq | Code::Brmi | Code::Brlt => {
+            format!("{} {}", BRANCH_SET[bit], relative(k))
+        }
+        Code::Brbc | Code::Brcc | Code::Brne | Code::Brpl | Code::Brge => {
+            format!("{} {}", BRANCH_CLEAR[bit], relative(k))
+        }
         Code::Bld => format!("bld r{d}, {bit}"),
         Code::Bst => format!("bst r{d}, {bit}"),
         Code::Sbrc => format!("sbrc r{d}, {bit}"),

@@ -148,6 +148,10 @@ pub struct SerialByte {
 ///
 /// Calls are statically dispatched; an environment pays only for what it overrides.
 pub trait Environment {
+    /// Whether [`Environment::pin_edge`] shall report every bit of the serial line on pin PD1.
+    /// Without it the pin stays high, and a byte costs a tenth of the events.
+    const SERIAL_EDGES: bool = false;
+
     /// An output pin changed to `level` at `cycle`. Pins start low.
     fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
         let _ = (cycle, pin, level);

@@ -3,7 +3,7 @@
 //! The access to an I/O register happens in the last cycle of the instruction (of SBIC and SBIS
 //! in the first): a write takes effect at the clock edge that ends that cycle.
 
-use crate::alu;
+use crate::alu::{self, Flags};
 use crate::environment::Environment;
 use crate::isa::{Code, Op};
 use crate::machine::Machine;
@@ -29,7 +29,7 @@ impl Machine {
 
     /// Instructions that end the run.
     fn stopping<E: Environment>(&mut self, op: Op, env: &mut E) -> Option<Stop> {
-        let deaf = self.core.sreg & alu::I == 0;
+        let deaf = !self.core.flags.interrupts_enabled();
         match op.code {
             Code::JumpSelf if deaf && !self.may_reset() => {
                 self.drain_transmitter(env);
@@ -75,7 +75,7 @@ impl Machine {
                 Ok(())
             }
             Code::Sei => {
-                self.set_sreg_delayed(self.core.sreg | alu::I);
+                self.set_sreg_delayed(self.core.flags.sreg() | alu::I);
                 self.advance(1, 1);
                 Ok(())
             }
@@ -135,8 +135,8 @@ impl Machine {
     /// Writes SREG; if that sets I, one more instruction executes before an interrupt. The data
     /// sheet says so of SEI and RETI; for writes to SREG it is an inference.
     pub(crate) fn set_sreg_delayed(&mut self, value: u8) {
-        self.one_more |= value & !self.core.sreg & alu::I != 0;
-        self.core.sreg = value;
+        self.one_more |= value & alu::I != 0 && !self.core.flags.interrupts_enabled();
+        self.core.flags = Flags::from_sreg(value);
     }
 
     /// Loads and stores, by whatever addressing, that the core left to the machine.
@@ -274,6 +274,9 @@ impl Machine {
             let Some(at) = self.usart.next_event() else {
                 return;
             };
+            while let Some(bit_at) = self.usart.line_event().filter(|&bit_at| bit_at <= at) {
+                self.step_line(bit_at, env);
+            }
             self.step_transmitter(at, env);
         }
     }
@@ -315,7 +318,7 @@ impl Machine {
             self.core.sp = sp;
             return Err(self.pc_out_of_memory(target));
         }
-        self.set_sreg_delayed(self.core.sreg | alu::I);
+        self.core.flags.enable_interrupts(true);
         // RETI always lets one instruction of the interrupted program execute.
         self.one_more = true;
         self.core.pc = target;

@@ -75,7 +75,16 @@ pub(crate) enum Code {
     Jump,
     /// Call word address `k` in `n` cycles; the instruction has `r` words.
     Call,
-    /// Branch to `k` if any status bit of mask `r` is set.
+    /// Branch to `k` on C, Z, N, S set or clear.
+    Brcs,
+    Brcc,
+    Breq,
+    Brne,
+    Brmi,
+    Brpl,
+    Brlt,
+    Brge,
+    /// Branch to `k` if the status bit of mask `r` is set or clear (V, H, T, I).
     Brbs,
     Brbc,
     /// Clear bit mask `r` of register `d`, then put T there.
@@ -284,10 +293,17 @@ fn decode_branches(word: u16, here: Site) -> Op {
     let mask = 1u8 << (word & 7);
     if word & 0x800 == 0 {
         let offset = (word >> 3 & 0x7F) | if word & 0x200 != 0 { 0xFF80 } else { 0 };
-        let code = if word & 0x400 == 0 {
-            Code::Brbs
-        } else {
-            Code::Brbc
+        let code = match (word & 7, word & 0x400 == 0) {
+            (0, true) => Code::Brcs,
+            (0, false) => Code::Brcc,
+            (1, true) => Code::Breq,
+            (1, false) => Code::Brne,
+            (2, true) => Code::Brmi,
+            (2, false) => Code::Brpl,
+            (4, true) => Code::Brlt,
+            (4, false) => Code::Brge,
+            (_, true) => Code::Brbs,
+            (_, false) => Code::Brbc,
         };
         return Op::new(code, 0, mask, 0, here.relative(offset));
     }

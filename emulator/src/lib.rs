@@ -40,6 +40,7 @@ mod execute;
 mod fuses;
 mod hex;
 mod image;
+mod interpreter;
 mod interrupts;
 mod isa;
 mod machine;

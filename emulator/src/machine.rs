@@ -1,5 +1,6 @@
 //! The machine: core, peripherals and their schedule, and what users may ask of it.
 
+use crate::alu::Flags;
 use crate::core::Core;
 use crate::device::Device;
 use crate::disassembler::disassemble;
@@ -258,12 +259,12 @@ impl Machine {
 
     /// Status register.
     pub fn sreg(&self) -> u8 {
-        self.core.sreg
+        self.core.flags.sreg()
     }
 
     /// Sets the status register.
     pub fn set_sreg(&mut self, sreg: u8) {
-        self.core.sreg = sreg;
+        self.core.flags = Flags::from_sreg(sreg);
     }
 
     /// Processor cycles since the start.

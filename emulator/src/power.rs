@@ -1,7 +1,6 @@
 //! Sleep modes and resets: which clocks stop, what wakes, how long it takes (data sheet
 //! sections 10 and 11).
 
-use crate::alu;
 use crate::environment::Environment;
 use crate::interrupts::vector;
 use crate::machine::Machine;
@@ -102,6 +101,7 @@ impl Machine {
         for source in [
             Source::Capture,
             Source::UsartTransmit,
+            Source::SerialLine,
             Source::UsartReceive,
             Source::Spi,
             Source::Twi,
@@ -148,7 +148,8 @@ impl Machine {
     /// Passes the time asleep up to the next event, or wakes the processor.
     pub(crate) fn sleep_on<E: Environment>(&mut self, until: u64, env: &mut E) {
         let now = self.core.cycle;
-        if self.interrupts.pending() & self.wake_mask() != 0 && self.core.sreg & alu::I != 0 {
+        if self.interrupts.pending() & self.wake_mask() != 0 && self.core.flags.interrupts_enabled()
+        {
             let was_stopped = self.is_io_stopped();
             self.core.cycle += self.start_up();
             if was_stopped {
@@ -159,7 +160,7 @@ impl Machine {
             self.core.cycle += WAKE_HALT;
             return;
         }
-        let next = self.schedule.earliest().0.min(until).max(now);
+        let next = self.schedule.next().min(until).max(now);
         self.statistics.sleeping_cycles += next - now;
         self.core.cycle = next;
     }
@@ -199,6 +200,7 @@ impl Machine {
         self.timers = [Timer::new(0), Timer::new(1), Timer::new(2)];
         self.adc = Adc::new();
         self.usart = Usart::new();
+        self.usart.shows_line = E::SERIAL_EDGES;
         self.eeprom.reset();
         self.comparator = Comparator::default();
         self.external = External::default();

@@ -4,14 +4,15 @@
 //! cycles, and only then is an interrupt considered. Register accesses first carry out the events
 //! up to their own cycle, so nothing is ever seen out of order.
 
-use crate::alu;
-use crate::core::Exit;
 use crate::environment::Environment;
+use crate::interpreter::Exit;
 use crate::machine::Machine;
 use crate::stop::{Cause, Stop};
 
 /// No event planned.
 pub(crate) const NEVER: u64 = u64::MAX;
+/// A run without a limit: half the range, so that no sum overflows.
+const ENDLESS: u64 = u64::MAX / 2;
 /// Cycles of an interrupt entry.
 const ENTRY: u64 = 4;
 
@@ -23,6 +24,7 @@ pub(crate) enum Source {
     Timer2,
     Adc,
     UsartTransmit,
+    SerialLine,
     UsartReceive,
     Eeprom,
     Pins,
@@ -35,12 +37,13 @@ pub(crate) enum Source {
 }
 
 impl Source {
-    const ALL: [Source; 14] = [
+    const ALL: [Source; 15] = [
         Source::Timer0,
         Source::Timer1,
         Source::Timer2,
         Source::Adc,
         Source::UsartTransmit,
+        Source::SerialLine,
         Source::UsartReceive,
         Source::Eeprom,
         Source::Pins,
@@ -55,33 +58,42 @@ impl Source {
     pub(crate) const TIMERS: [Source; 3] = [Source::Timer0, Source::Timer1, Source::Timer2];
 }
 
-/// Next event of each source.
+/// Next event of each source, and the earliest of them.
 #[derive(Clone, Debug)]
 pub(crate) struct Schedule {
     at: [u64; Source::ALL.len()],
+    next: u64,
 }
 
 impl Schedule {
     pub(crate) fn new() -> Schedule {
         Schedule {
             at: [NEVER; Source::ALL.len()],
+            next: NEVER,
         }
     }
 
+    #[inline]
     pub(crate) fn set(&mut self, source: Source, at: Option<u64>) {
-        self.at[source as usize] = at.unwrap_or(NEVER);
+        let new = at.unwrap_or(NEVER);
+        let old = std::mem::replace(&mut self.at[source as usize], new);
+        if new <= self.next {
+            self.next = new;
+        } else if old == self.next {
+            self.next = self.at.iter().copied().fold(NEVER, u64::min);
+        }
     }
 
-    /// The earliest event; of several in one cycle the first in the order of [`Source`].
-    pub(crate) fn earliest(&self) -> (u64, Source) {
-        let mut best = (self.at[0], Source::ALL[0]);
-        for source in Source::ALL {
-            let at = self.at[source as usize];
-            if at < best.0 {
-                best = (at, source);
-            }
-        }
-        best
+    /// Cycle of the earliest event.
+    #[inline]
+    pub(crate) fn next(&self) -> u64 {
+        self.next
+    }
+
+    /// Who planned the earliest event; of several the first in the order of [`Source`].
+    fn next_source(&self) -> Source {
+        let first = self.at.iter().position(|&at| at == self.next);
+        Source::ALL[first.unwrap_or_default()]
     }
 }
 
@@ -89,7 +101,8 @@ impl Machine {
     /// Runs until `until_cycle` is reached (at the first instruction boundary at or after it) or
     /// something stops the program. A later call goes on where this one ended.
     pub fn run<E: Environment>(&mut self, env: &mut E, until_cycle: u64) -> Stop {
-        let until = until_cycle.min(NEVER - 1);
+        let until = until_cycle.min(ENDLESS);
+        self.usart.shows_line = E::SERIAL_EDGES;
         self.poll_input(self.core.cycle, env);
         loop {
             self.fire_events(self.core.cycle, env);
@@ -103,6 +116,10 @@ impl Machine {
                 return Stop::Limit;
             }
             if self.is_sleeping {
+                if self.schedule.next() == NEVER && until == ENDLESS && !self.interrupts.any() {
+                    // Nothing can ever wake it, and nobody wants to know when.
+                    return Stop::Sleep;
+                }
                 self.sleep_on(until, env);
                 continue;
             }
@@ -136,11 +153,11 @@ impl Machine {
         if std::mem::take(&mut self.one_more) && self.interrupts.any() {
             return self.core.cycle + 1;
         }
-        self.schedule.earliest().0.min(until)
+        self.schedule.next().min(until)
     }
 
     fn may_interrupt(&self) -> bool {
-        self.interrupts.any() && self.core.sreg & alu::I != 0 && !self.one_more
+        self.interrupts.any() && self.core.flags.interrupts_enabled() && !self.one_more
     }
 
     fn enter_interrupt<E: Environment>(&mut self, env: &mut E) -> Result<(), Cause> {
@@ -152,7 +169,7 @@ impl Machine {
         }
         self.interrupts.enter(vector, self.core.cycle);
         self.core.push_pc(self.core.pc & self.core.pc_mask());
-        self.core.sreg &= !alu::I;
+        self.core.flags.enable_interrupts(false);
         self.acknowledge(vector, self.core.cycle, env);
         self.core.pc = self.vector_base() + vector as u16 * 2;
         self.core.cycle += ENTRY;
@@ -161,17 +178,15 @@ impl Machine {
 
     /// Carries out all events up to and including cycle `to`, in order.
     pub(crate) fn fire_events<E: Environment>(&mut self, to: u64, env: &mut E) {
-        loop {
-            let (at, source) = self.schedule.earliest();
-            if at > to {
-                return;
-            }
-            match source {
+        while self.schedule.next() <= to {
+            let at = self.schedule.next();
+            match self.schedule.next_source() {
                 Source::Timer0 => self.sync_timer(0, at, env),
                 Source::Timer1 => self.sync_timer(1, at, env),
                 Source::Timer2 => self.sync_timer(2, at, env),
                 Source::Adc => self.step_adc(at, env),
                 Source::UsartTransmit => self.step_transmitter(at, env),
+                Source::SerialLine => self.step_line(at, env),
                 Source::UsartReceive => self.step_receiver(at, env),
                 Source::Eeprom => self.finish_eeprom(at),
                 Source::Pins => self.step_pins(at, env),

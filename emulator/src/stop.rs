@@ -7,7 +7,8 @@ use std::fmt;
 pub enum Stop {
     /// The cycle limit is reached.
     Limit,
-    /// SLEEP with interrupts disabled and no watchdog that could wake the chip.
+    /// SLEEP with interrupts disabled and no watchdog that could wake the chip (or, in a run
+    /// without a limit, asleep with no event left to come).
     Sleep,
     /// BREAK without a debugger. The program counter stands behind it.
     Break,

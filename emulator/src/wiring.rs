@@ -77,9 +77,11 @@ impl Machine {
         let next = self.timers[number].next_event(prescaler);
         self.schedule.set(Source::TIMERS[number], next);
         self.update_trigger(at, env);
-        for (timer, _, port, _) in COMPARE_PINS {
-            if timer == number {
-                self.update_port(port, at, env);
+        if self.timers[number].outputs_changed() {
+            for (timer, _, port, _) in COMPARE_PINS {
+                if timer == number {
+                    self.update_port(port, at, env);
+                }
             }
         }
     }
@@ -99,7 +101,7 @@ impl Machine {
             over.force_in |= MISO;
         }
         if port == 2 && self.usart.transmits() {
-            over.drive(TXD, Some(true));
+            over.drive(TXD, Some(self.usart.line()));
             over.force_out |= TXD;
         }
         if port == 2 && self.usart.receives() {

@@ -27,6 +27,8 @@ impl Machine {
             .request(vector::USART_TX, requests.transmit, at);
         self.schedule
             .set(Source::UsartTransmit, self.usart.next_event());
+        self.schedule
+            .set(Source::SerialLine, self.usart.line_event());
         let next_byte = self
             .system
             .serial
@@ -44,6 +46,14 @@ impl Machine {
         if !self.usart.transmits() {
             self.update_port(2, at, env);
         }
+    }
+
+    /// The next bit appears on TXD.
+    pub(crate) fn step_line<E: Environment>(&mut self, at: u64, env: &mut E) {
+        self.usart.step_line();
+        self.schedule
+            .set(Source::SerialLine, self.usart.line_event());
+        self.update_port(2, at, env);
     }
 
     /// A frame is complete, or the next one begins.

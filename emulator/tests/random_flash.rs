@@ -20,7 +20,7 @@ impl Environment for Noise {
         (self.0 < 50).then_some(cardan_emulator::SerialByte {
             start_cycle: cycle + 100,
             byte: self.0 as u8,
-            ninth: self.0 % 3 == 0,
+            ninth: self.0.is_multiple_of(3),
         })
     }
 

@@ -2,7 +2,7 @@
 
 mod common;
 
-use cardan_emulator::{Pin, SerialByte, Stop};
+use cardan_emulator::{Environment, Pin, SerialByte, Stop};
 use common::{Bench, program};
 
 fn byte(start_cycle: u64, byte: u8) -> SerialByte {
@@ -289,4 +289,48 @@ fn the_twi_master_writes_and_reads_with_the_status_codes_of_the_data_sheet() {
         (360..385).contains(&byte_time),
         "nine periods of 40: {byte_time}"
     );
+}
+
+/// Wants to see the bits on TXD.
+#[derive(Default)]
+struct Oscilloscope(Vec<(u64, bool)>);
+
+impl Environment for Oscilloscope {
+    const SERIAL_EDGES: bool = true;
+
+    fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
+        assert_eq!(pin, Pin::d(1));
+        self.0.push((cycle, level));
+    }
+}
+
+#[test]
+fn the_bits_on_txd_are_start_data_parity_and_stop() {
+    // 0x35 with odd parity: start 0, data 1 0 1 0 1 1 0 0, parity 1, stop 1; 16 cycles per bit.
+    let mut machine = program(
+        "usart_bits",
+        "start: set UCSR0C, 0x36
+         set UCSR0B, 8
+         set UDR0, 0x35
+      1: rjmp 1b",
+    );
+    let mut scope = Oscilloscope::default();
+    assert_eq!(machine.run(&mut scope, 1_000), Stop::Halt);
+    // The pin goes high when the transmitter is enabled; the start bit is the first low.
+    let start = scope.0[1].0;
+    let edges: Vec<(u64, bool)> = scope.0[1..]
+        .iter()
+        .map(|e| ((e.0 - start) / 16, e.1))
+        .collect();
+    let expected = [
+        (0, false),
+        (1, true),
+        (2, false),
+        (3, true),
+        (4, false),
+        (5, true),
+        (7, false),
+        (9, true),
+    ];
+    assert_eq!(edges, expected);
 }

@@ -1,5 +1,6 @@
 /* Mostly asleep: a Timer0 interrupt starts a conversion, its end sends two bytes, and the
- * processor idles in between. */
+ * processor idles in between. The converter is on only while it converts: with ADEN set, entering
+ * Idle would start a conversion by itself (data sheet 10.3), which simavr does not model. */
 #include <avr/interrupt.h>
 #include <avr/io.h>
 #include <avr/sleep.h>
@@ -8,8 +9,14 @@
 static volatile uint16_t code;
 static volatile uint8_t pending;
 
-ISR(TIMER0_COMPA_vect) { ADCSRA |= 1 << ADSC; }
-ISR(ADC_vect) { code = ADC; pending = 2; UCSR0B |= 1 << UDRIE0; }
+ISR(TIMER0_COMPA_vect) { ADCSRA = (1 << ADEN) | (1 << ADSC) | (1 << ADIE) | 7; }
+ISR(ADC_vect)
+{
+	code = ADC;
+	ADCSRA = 0;
+	pending = 2;
+	UCSR0B |= 1 << UDRIE0;
+}
 ISR(USART_UDRE_vect)
 {
 	UDR0 = pending == 2 ? code >> 8 : code;
@@ -23,7 +30,6 @@ int main(void)
 	UCSR0A = 1 << U2X0;
 	UCSR0B = 1 << TXEN0;
 	ADMUX = 1 << REFS0;
-	ADCSRA = (1 << ADEN) | (1 << ADIE) | 7;
 	OCR0A = 249;
 	TCCR0A = 1 << WGM01;
 	TCCR0B = 3;

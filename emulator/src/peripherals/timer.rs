@@ -87,6 +87,8 @@ pub(crate) struct Timer {
     temp: u8,
     /// Waveform generator outputs OCnA, OCnB.
     outputs: [bool; 2],
+    /// What drove the pins when the machine last asked.
+    shown: [Option<bool>; 2],
     /// Flags whose rising the ADC watches.
     pub(crate) watched: u8,
 }
@@ -113,6 +115,7 @@ impl Timer {
             mask: 0,
             temp: 0,
             outputs: [false; 2],
+            shown: [None; 2],
             watched: 0,
         }
     }
@@ -146,6 +149,12 @@ impl Timer {
     /// Level of output `channel` if the waveform generator drives its pin.
     pub(crate) fn output(&self, channel: usize) -> Option<bool> {
         self.is_connected(channel).then_some(self.outputs[channel])
+    }
+
+    /// Whether what drives the pins has changed since the last call.
+    pub(crate) fn outputs_changed(&mut self) -> bool {
+        let now = [self.output(0), self.output(1)];
+        std::mem::replace(&mut self.shown, now) != now
     }
 
     /// Switches the module clock off or on at cycle `at` (up to which the caller has advanced).

@@ -49,6 +49,11 @@ pub(crate) struct Usart {
     /// When the buffer moves to the idle shift register.
     load_at: Option<u64>,
     transmitted: bool,
+    /// Somebody wants to see the bits on TXD.
+    pub(crate) shows_line: bool,
+    /// Level of TXD; bits still to come, the first one lowest; their number; when the next begins.
+    line: bool,
+    bits: (u16, u64, u64),
     fifo: VecDeque<Received>,
     /// A complete third frame that waits in the shift register.
     waiting: Option<Received>,
@@ -71,6 +76,9 @@ impl Usart {
             shifting: None,
             load_at: None,
             transmitted: false,
+            shows_line: false,
+            line: true,
+            bits: (0, 0, 0),
             fifo: VecDeque::new(),
             waiting: None,
             overrun: false,
@@ -156,7 +164,38 @@ impl Usart {
         if let Some(frame) = self.buffer.take() {
             let end = at + self.frame_bits() * self.bit_cycles();
             self.shifting = Some((frame, at, end));
+            self.bits = (self.pattern(frame), self.frame_bits(), at);
         }
+    }
+
+    /// The bits of a frame on the wire: start, data from the lowest, parity, stop.
+    fn pattern(&self, frame: u16) -> u16 {
+        let data_bits = self.data_bits();
+        let is_odd = self.control_c & 0x10 != 0;
+        let parity = (frame.count_ones() % 2 == 1) != is_odd;
+        let mut tail = u16::MAX;
+        if self.parity_bits() == 1 {
+            tail = tail << 1 | u16::from(parity);
+        }
+        tail << (data_bits + 1) | frame << 1
+    }
+
+    /// When TXD takes its next bit, if somebody wants to see it.
+    pub(crate) fn line_event(&self) -> Option<u64> {
+        let (_, left, next) = self.bits;
+        (self.shows_line && left > 0).then_some(next)
+    }
+
+    /// TXD takes its next bit.
+    pub(crate) fn step_line(&mut self) {
+        let (bits, left, next) = self.bits;
+        self.line = bits & 1 != 0;
+        self.bits = (bits >> 1, left.saturating_sub(1), next + self.bit_cycles());
+    }
+
+    /// Level of TXD; high unless the bits are shown.
+    pub(crate) fn line(&self) -> bool {
+        self.line
     }
 
     /// First tick of the baud generator after cycle `after`.
@@ -286,6 +325,7 @@ impl Usart {
         self.origin += cycles;
         self.line_free_at += cycles;
         self.load_at = self.load_at.map(|at| at + cycles);
+        self.bits.2 += cycles;
         self.shifting = self
             .shifting
             .map(|(f, start, end)| (f, start + cycles, end + cycles));
