@@ -8,7 +8,7 @@
 
 use cardan_datapath::{Arithmetic, Constant, Node, Value};
 use cardan_spec::{CHANNELS, DOMAIN_MARGIN, FIELD_RESIDUAL_LIMIT, flags, timing};
-use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, YAW_LEAST_EAST_SQUARE};
+use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM, YAW_LEAST_EAST_SQUARE};
 
 use crate::averaging::Sums;
 use crate::calibration::Calibration;
@@ -20,7 +20,7 @@ use crate::nodes::{
     LevelCos, LevelSin, LevelX, LevelY, Limit, MatrixTerm, NorthX, One, Pitch, Radicand,
     ReadingsPart, ReadingsSum, Residual, ResidualPart, Rest, Roll, RollSquare, Scale, ScalePart,
     SinRoll, SinTilt2, Square, TiltProduct, TiltX, TiltY, Twist1, Twist2, TwistPart, UnitArgument,
-    Vertical, Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw, Yaw1, Yaw2,
+    Vertical, VerticalSum, Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw, Yaw1, Yaw2,
     YawCorrection, YawDifference, YawFresh,
 };
 
@@ -40,6 +40,7 @@ constants! {
     OppositeDomainLimit = -(1.0 + DOMAIN_MARGIN);
     LeastEast = YAW_LEAST_EAST_SQUARE;
     LeastDown = HALF_SPACE_LEAST_DOWN_SQUARE;
+    LeastVertical = HALF_SPACE_LEAST_SUM;
     ResidualLimit = FIELD_RESIDUAL_LIMIT;
 }
 
@@ -48,6 +49,7 @@ pub struct State<M: Arithmetic> {
     yaw: Value<M, Yaw>,
     down_negative: M::Bool,
     field_z_negative: M::Bool,
+    signs_lost: M::Bool,
     started: bool,
 }
 
@@ -58,8 +60,14 @@ impl<M: Arithmetic> State<M> {
             yaw: m.constant::<Yaw, Zero>(),
             down_negative: m.truth(false),
             field_z_negative: m.truth(false),
+            signs_lost: m.truth(false),
             started: false,
         }
+    }
+
+    /// Somebody knows that the device is upright now.
+    pub fn set_upright(&mut self, m: &M) {
+        *self = Self { yaw: self.yaw, ..Self::new(m) };
     }
 }
 
@@ -361,7 +369,10 @@ fn validity<M: Arithmetic>(
         state.field_z_negative = product_negative;
     }
     let steep = m.less(tilt.down_square, m.constant::<Limit, LeastDown>());
-    m.raise(flags::HALF_SPACE, m.or(state.down_negative, steep));
+    let sum: Value<M, VerticalSum> = m.add(tilt.down_square, field_z_square);
+    let lost = m.less(sum, m.constant::<Limit, LeastVertical>());
+    state.signs_lost = m.or(state.signs_lost, lost);
+    m.raise(flags::HALF_SPACE, m.or(state.down_negative, m.or(steep, state.signs_lost)));
 
     let seen: Value<M, ResidualPart> = m.mul(dip_product, dip_product);
     let expected: Value<M, ResidualPart> = m.mul(tilt.down_square, field_z_square);

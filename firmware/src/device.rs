@@ -61,6 +61,11 @@ impl<T: Tap> Solver<T> {
         }
     }
 
+    /// Somebody knows that the device is upright now.
+    pub fn set_upright(&mut self) {
+        self.state.set_upright(&self.m);
+    }
+
     /// The arithmetic, for its tap.
     pub const fn arithmetic(&self) -> &Deployed<T> {
         &self.m
@@ -130,6 +135,7 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
         match self.serial.receive() {
             Some(layout::COMMAND_TEXT) => self.text = true,
             Some(layout::COMMAND_BINARY) => self.text = false,
+            Some(layout::COMMAND_UPRIGHT) => self.solver.set_upright(),
             _ => {}
         }
         let frame = self.solver.solve(sums, late);

@@ -3,7 +3,7 @@
 //! The rule is agreed in [`cardan_spec::flags::HALF_SPACE`]; its base is 7.4 of the sensors
 //! reference.
 
-use cardan_spec::{FIELD_RESIDUAL_LIMIT, HALF_SPACE_LEAST_DOWN_SQUARE};
+use cardan_spec::{FIELD_RESIDUAL_LIMIT, HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM};
 
 use crate::rotation::{EarthField, Readings};
 
@@ -50,6 +50,8 @@ struct Signs {
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct HalfSpace {
     signs: Option<Signs>,
+    /// Both factors were near zero once: nothing tells since then which of them changed its sign.
+    lost: bool,
 }
 
 impl HalfSpace {
@@ -67,6 +69,9 @@ impl HalfSpace {
             signs.field_positive = signs.down_positive == product_positive;
         }
         self.signs = Some(signs);
-        !signs.down_positive || vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE
+        self.lost |= vertical.down_square + vertical.field_square < HALF_SPACE_LEAST_SUM;
+        !signs.down_positive
+            || self.lost
+            || vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE
     }
 }

@@ -10,7 +10,11 @@ pub const SATURATION: u16 = 1 << 0;
 /// with d3^2 = 1 - t1^2 - t2^2 and b3^2 = 1 - b1^2 - b2^2, in every solution
 /// if d3^2 < b3^2 then sign(d3) := sign(b3) sign(q), else sign(b3) := sign(d3) sign(q)
 /// (sign(x) = +1 for x >= 0). At the first solution sign(d3) = +1 and sign(b3) = sign(q).
-/// The flag is set while sign(d3) < 0 or d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`].
+/// Where both factors are near zero (body z along east or west, where yaw is undefined too) nothing
+/// tells which of them passes zero: once d3^2 + b3^2 < [`crate::HALF_SPACE_LEAST_SUM`], the signs
+/// are lost until a reset or the command [`crate::frame::COMMAND_UPRIGHT`].
+/// The flag is set while sign(d3) < 0, or d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`], or the
+/// signs are lost.
 pub const HALF_SPACE: u16 = 1 << 1;
 /// The four readings contradict the calibrated Earth field.
 pub const DISTURBED: u16 = 1 << 2;

@@ -22,3 +22,5 @@ pub const ANGLE_FRAC: u32 = 15;
 pub const COMMAND_TEXT: u8 = b't';
 /// A received byte that switches the device to binary frames.
 pub const COMMAND_BINARY: u8 = b'b';
+/// A received byte that tells the device that it is upright: its half-space is known again.
+pub const COMMAND_UPRIGHT: u8 = b'u';

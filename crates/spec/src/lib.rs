@@ -61,6 +61,11 @@ pub const YAW_LEAST_EAST_SQUARE: f64 = 0.01;
 /// under this: 0.03 is a tilt of 80 degrees, where the sign of the vertical is no longer certain.
 pub const HALF_SPACE_LEAST_DOWN_SQUARE: f64 = 0.03;
 
+/// The signs of the z components are lost when the sum of their squares (g^2 and |B|^2) is under
+/// this: 0.1 is body z within about 18 degrees of east or west. Recorded motions by hand shake both
+/// squares by up to 0.1 (0.1 g of acceleration, 5 % of field inhomogeneity).
+pub const HALF_SPACE_LEAST_SUM: f64 = 0.1;
+
 /// The field is flagged as disturbed when the two expressions for the squared product of the
 /// vertical components of gravity and field, (sin I - b1 t1 - b2 t2)^2 and
 /// (1 - t1^2 - t2^2)(1 - b1^2 - b2^2), differ by more than this, in units of g^2 |B|^2

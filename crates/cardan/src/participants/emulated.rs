@@ -8,6 +8,9 @@ use super::{CONFIGURATION, SUMMARY, engine_failure, lost, node_index, to_link};
 use crate::failure::Failure;
 use crate::run_options::Setup;
 
+/// Length of summaries is a multiple of this.
+const SUMMARY_BLOCK: usize = 4096;
+
 /// Publishes what the board shows.
 struct Publisher {
     conversions: Writer<Conversions>,
@@ -57,7 +60,9 @@ pub(crate) fn run(session: Session, setup: &Setup) -> Result<(), Failure> {
     nodes.finish().map_err(lost)?;
     frames.finish().map_err(lost)?;
     truths.finish().map_err(lost)?;
-    let text = serde_json::to_vec(&summary).map_err(Failure::participant)?;
+    let mut text = serde_json::to_vec(&summary).map_err(Failure::participant)?;
+    // Host times have more or fewer digits; padded, equal runs send equally many bytes.
+    text.resize(text.len().next_multiple_of(SUMMARY_BLOCK), b' ');
     blobs.send(SUMMARY, &text).map_err(lost)?;
     blobs.finish().map_err(lost)?;
     session.close().map(drop).map_err(lost)
