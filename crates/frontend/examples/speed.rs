@@ -64,5 +64,8 @@ fn run<S: Stimulus>(board: &mut Frontend<S>) -> Result<f64, cardan_frontend::Err
 
 fn report(scenario: &str, part: &str, started: Instant, checksum: f64) {
     let ms = started.elapsed().as_secs_f64() * 1e3 / SECONDS as f64;
-    println!("{scenario:13} {part:17} {ms:8.3} ms per simulated second (checksum {checksum:.6})");
+    println!(
+        "{scenario:13} {part:17} {ms:8.3} ms per simulated second (checksum {:016x})",
+        checksum.to_bits()
+    );
 }

@@ -50,8 +50,7 @@ impl AdcErrors {
         let span = f64::from(AdcCode::COUNT);
         let mut lsb = pin.0 / LSB_V;
         if self.noise_lsb > 0.0 {
-            // A block of 16 words holds four tries of the polar method; more run into the next
-            // block with a probability of 0.2 %, which correlates two conversions no further.
+            // A block of 16 words holds eight draws; one nearly always suffices.
             lsb += self.noise_lsb * self.noise.at_block(sequence).normal();
         }
         let x = (lsb / span).clamp(0.0, 1.0);

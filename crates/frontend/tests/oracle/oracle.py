@@ -35,6 +35,7 @@ class Chain:
     def __init__(self, p):
         self.p = p
         self.cpu_hz = p["cpu_hz"]
+        self.kept = {}
         self.gain = p["lna_gain"] * p["band_pass_gain"]
 
     def matrices(self, carrier, plus, minus):
@@ -117,9 +118,13 @@ class Chain:
         whole = np.zeros((11, 11))
         whole[:8, :8], whole[:8, 8], whole[:8, 10] = a, b * amplitude, b * offset
         whole[8, 9], whole[9, 8] = w, -w
+        # The same few intervals recur under the same few switches: keep their exponentials.
+        key = (whole.tobytes(), stop - start)
+        if key not in self.kept:
+            self.kept[key] = linalg.expm(whole * (stop - start) / self.cpu_hz)
         phase = w * start / self.cpu_hz
         y = np.concatenate([x, [np.sin(phase), np.cos(phase), 1.0]])
-        return (linalg.expm(whole * (stop - start) / self.cpu_hz) @ y)[:8]
+        return (self.kept[key] @ y)[:8]
 
 
 def chain(request):
