@@ -34,7 +34,8 @@ const CREATION_TIME: Duration = Duration::from_secs(1);
 
 /// Removes everything that dead participants of a session left in shared memory and in iceoryx2's
 /// folder. For participants that were started by hand; a [`Supervisor`](crate::Supervisor) does it
-/// by itself.
+/// by itself, and knows its children's process ids: without them, what was killed in the first or
+/// last milliseconds of its life can leave a few small files.
 pub fn cleanup(session: &SessionId) {
     crate::quieten();
     sweep(session, &BTreeSet::new());
@@ -112,6 +113,43 @@ pub(crate) fn heal() {
         // One that another process is removing is as good as removed.
         let _ = node.try_remove_stale_resources();
     }
+    remove_stillborn(&config);
+}
+
+/// Removes nodes whose process was killed before iceoryx2 could watch it: their details are there,
+/// and tell that the node is of this product, but even after a while iceoryx2 does not list it.
+fn remove_stillborn(config: &Config) {
+    let root = PathBuf::from(config.global.node_dir().to_string());
+    let Ok(entries) = fs::read_dir(&root) else {
+        return;
+    };
+    let candidates: Vec<_> = entries.flatten().filter(is_old_and_ours).collect();
+    if candidates.is_empty() {
+        return;
+    }
+    let mut listed = BTreeSet::new();
+    let complete = Node::<ipc::Service>::list(config, |state| {
+        listed.insert(state.node_id().value());
+        CallbackProgression::Continue
+    });
+    for entry in candidates {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        let is_listed = name.parse().is_ok_and(|id: u128| listed.contains(&id));
+        if complete.is_ok() && !is_listed {
+            for part in ["", "_owner_lock", "_context"] {
+                remove(&root.join(format!("iox2_{name}.node_monitor{part}")));
+            }
+            remove(&entry.path());
+        }
+    }
+}
+
+fn is_old_and_ours(folder: &fs::DirEntry) -> bool {
+    let details = folder.path().join("iox2_node.details");
+    let text = fs::read_to_string(&details).unwrap_or_default();
+    let made = fs::metadata(&details).and_then(|meta| meta.modified());
+    let age = made.ok().and_then(|made| made.elapsed().ok());
+    text.contains(&format!("name = \"{NODE_PREFIX}")) && age > Some(CREATION_TIME)
 }
 
 /// All participants of all sessions of this user: the session, and the node if it is dead.
@@ -149,22 +187,36 @@ pub(crate) fn remove_unfinished(gone: &BTreeSet<Owner>) {
     }
 }
 
-/// Removes iceoryx2's own management segment if whoever created it was killed meanwhile: no node
-/// could ever be created again.
-pub(crate) fn remove_unfinished_management() {
-    let Ok(entries) = fs::read_dir(SHARED_MEMORY) else {
-        return;
-    };
-    for path in entries.flatten().map(|entry| entry.path()) {
-        let is_management = path
-            .extension()
-            .is_some_and(|extension| extension == "global_mgmt");
-        let age = fs::metadata(&path).and_then(|meta| meta.modified());
-        let age = age.ok().and_then(|modified| modified.elapsed().ok());
-        if is_management && is_unfinished(&path) && age > Some(CREATION_TIME) {
+/// Waits until iceoryx2's own management segment, if somebody is creating it, is finished; removes
+/// it if its creator was killed meanwhile, since no node could ever be created again.
+pub(crate) fn await_management() {
+    const PERIOD: Duration = Duration::from_millis(5);
+    // That of another user cannot be removed; iceoryx2 will say so.
+    let rounds = 2 * CREATION_TIME.as_millis() / PERIOD.as_millis();
+    for _ in 0..rounds {
+        let Some((path, age)) = unfinished_management() else {
+            return;
+        };
+        if age > CREATION_TIME {
             remove(&path);
         }
+        std::thread::sleep(PERIOD);
     }
+}
+
+/// An unfinished management segment and its age.
+fn unfinished_management() -> Option<(PathBuf, Duration)> {
+    let paths = fs::read_dir(SHARED_MEMORY)
+        .ok()?
+        .flatten()
+        .map(|entry| entry.path());
+    let mut segments = paths.filter(|path| {
+        path.extension()
+            .is_some_and(|extension| extension == "global_mgmt")
+    });
+    let path = segments.find(|path| is_unfinished(path))?;
+    let age = fs::metadata(&path).ok()?.modified().ok()?.elapsed().ok()?;
+    Some((path, age))
 }
 
 /// iceoryx2 makes a segment readable as the last step of its creation.

@@ -51,7 +51,7 @@ impl Session {
     /// participant of this role, [`LinkError::PeerDied`] one that went meanwhile.
     pub fn join(options: Options) -> Result<Self, LinkError> {
         crate::quieten();
-        cleanup::remove_unfinished_management();
+        cleanup::await_management();
         let verdict = Arc::<Verdict>::default();
         end_with_supervisor();
         if !options.supervised && options.transport == Transport::Processes {

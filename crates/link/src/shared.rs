@@ -36,7 +36,7 @@ pub(crate) struct Shared {
     _last: CleanUp,
 }
 
-/// Cleans up behind a killed peer where no supervisor does.
+/// Cleans up behind killed peers where no supervisor does.
 struct CleanUp {
     session: SessionId,
     verdict: Arc<Verdict>,
@@ -45,16 +45,17 @@ struct CleanUp {
 
 impl Drop for CleanUp {
     fn drop(&mut self) {
-        let killed = Err(Death::Killed);
-        let how = self.verdict.check().map_err(|error| match error {
-            LinkError::PeerDied { how, .. } => how,
-            _ => Death::Left,
-        });
-        if self.by_hand && how == killed {
+        if !self.by_hand {
+            return;
+        }
+        if let Err(LinkError::PeerDied {
+            how: Death::Killed, ..
+        }) = self.verdict.check()
+        {
             // The others must have noticed before the traces are gone.
             std::thread::sleep(NOTICE_TIME);
-            cleanup::cleanup(&self.session);
         }
+        cleanup::cleanup(&self.session);
     }
 }
 

@@ -9,7 +9,7 @@ use std::process::{Child, ChildStderr, ChildStdin, ChildStdout, Command, ExitSta
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use crate::cleanup::{Owner, heal, remove_unfinished_management, sweep};
+use crate::cleanup::{Owner, await_management, heal, sweep};
 use crate::role::Role;
 use crate::session_id::SessionId;
 
@@ -295,7 +295,7 @@ impl Supervisor {
         participants: Vec<Participant>,
     ) -> Result<Self, SupervisorError> {
         crate::quieten();
-        remove_unfinished_management();
+        await_management();
         heal();
         let mut supervisor = Self {
             session: session.clone(),
