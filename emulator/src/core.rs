@@ -1,7 +1,7 @@
 //! The processor core: registers and memories.
 
 use crate::alu::Flags;
-use crate::isa::{Op, decode};
+use crate::isa::{Op, decode, fuse, is_two_words, unfuse};
 
 /// Words the operation table holds: the whole range of the program counter, so that indexing
 /// with a `u16` needs no check.
@@ -73,26 +73,34 @@ impl Core {
         &self.flash
     }
 
-    /// Writes flash words and decodes them, and the word before them (its skip distance).
+    /// Writes flash words and decodes them, and the two before them (skip distance, pairs).
     pub(crate) fn write_flash(&mut self, word_address: usize, words: &[u16]) {
         let mask = self.flash.len() - 1;
         for (i, &word) in words.iter().enumerate() {
             self.flash[(word_address + i) & mask] = word;
         }
-        self.decode_words(word_address.wrapping_sub(1), words.len() + 1);
+        self.decode_words(word_address.wrapping_sub(2), words.len() + 2);
     }
 
     fn decode_words(&mut self, first: usize, count: usize) {
         let mask = self.flash.len() - 1;
-        for i in 0..count {
+        // Backwards, so that the instruction behind is known.
+        for i in (0..count).rev() {
             let pc = first.wrapping_add(i) & mask;
-            self.ops[pc] = decode(&self.flash, pc);
+            let mut op = decode(&self.flash, pc);
+            let behind = pc + 1 + usize::from(is_two_words(self.flash[pc]));
+            op.code = fuse(op.code, unfuse(self.ops[behind].code));
+            self.ops[pc] = op;
         }
     }
 
     /// The predecoded instruction at the program counter.
     pub(crate) fn op(&self) -> Op {
-        self.ops[self.pc as usize]
+        let op = self.ops[self.pc as usize];
+        Op {
+            code: unfuse(op.code),
+            ..op
+        }
     }
 
     pub(crate) fn pc_mask(&self) -> u16 {

@@ -126,7 +126,7 @@ fn text(op: Op, word: u16, second: u16) -> String {
         Code::Wdr => "wdr".to_owned(),
         Code::Spm => "spm".to_owned(),
         Code::Invalid if is_two_words(word) => jump_text(word, second, k),
-        Code::Invalid | Code::Wrap => format!(".word {word:#06x}"),
+        _ => format!(".word {word:#06x}"),
     }
 }
 

@@ -83,6 +83,120 @@ impl Core {
         let fits_call = |sp: u16| in_ram(sp) && in_ram(sp.wrapping_sub(1));
         let pc_mask = (flash.len() - 1) as u16;
 
+        // The instructions that also occur in pairs.
+        macro_rules! instruction {
+            (Add $op:ident) => {{ result!($op, flags.add(reg!($op.d), reg!($op.r))) }};
+            (Adc $op:ident) => {{ result!($op, flags.adc(reg!($op.d), reg!($op.r))) }};
+            (Sub $op:ident) => {{ result!($op, flags.sub(reg!($op.d), reg!($op.r))) }};
+            (Sbc $op:ident) => {{ result!($op, flags.sbc(reg!($op.d), reg!($op.r))) }};
+            (Subi $op:ident) => {{ result!($op, flags.sub(reg!($op.d), $op.r)) }};
+            (Sbci $op:ident) => {{ result!($op, flags.sbc(reg!($op.d), $op.r)) }};
+            (Cp $op:ident) => {{
+                flags.sub(reg!($op.d), reg!($op.r));
+                next!(1);
+            }};
+            (Cpc $op:ident) => {{
+                flags.sbc(reg!($op.d), reg!($op.r));
+                next!(1);
+            }};
+            (Cpi $op:ident) => {{
+                flags.sub(reg!($op.d), $op.r);
+                next!(1);
+            }};
+            (Eor $op:ident) => {{ result!($op, flags.logic(reg!($op.d) ^ reg!($op.r))) }};
+            (Movw $op:ident) => {{
+                let value = pair(data, $op.r);
+                set_pair(data, $op.d, value);
+                next!(1);
+            }};
+            (Ldi $op:ident) => {{
+                reg!($op.d) = $op.r;
+                next!(1);
+            }};
+            (Asr $op:ident) => {{ result!($op, flags.asr(reg!($op.d))) }};
+            (Lsr $op:ident) => {{ result!($op, flags.lsr(reg!($op.d))) }};
+            (Ror $op:ident) => {{ result!($op, flags.ror(reg!($op.d))) }};
+            (Dec $op:ident) => {{ result!($op, flags.dec(reg!($op.d))) }};
+            (Sbiw $op:ident) => {{
+                let value = flags.sbiw(pair(data, $op.d), $op.r);
+                set_pair(data, $op.d, value);
+                next!(2);
+            }};
+            (Brne $op:ident) => {{ branch_if!($op, !flags.is_zero()) }};
+            (Breq $op:ident) => {{ branch_if!($op, flags.is_zero()) }};
+            (Brcs $op:ident) => {{ branch_if!($op, flags.is_carry()) }};
+            (Brcc $op:ident) => {{ branch_if!($op, !flags.is_carry()) }};
+            (Brpl $op:ident) => {{ branch_if!($op, !flags.is_negative()) }};
+            (Ldd $op:ident) => {{
+                let address = pair(data, $op.r).wrapping_add(u16::from($op.n));
+                if !in_ram(address) {
+                    break Exit::Machine;
+                }
+                reg!($op.d) = data[address as usize];
+                next!(2);
+            }};
+            (Std $op:ident) => {{
+                let address = pair(data, $op.r).wrapping_add(u16::from($op.n));
+                if !in_ram(address) {
+                    break Exit::Machine;
+                }
+                data[address as usize] = reg!($op.d);
+                next!(2);
+            }};
+            (Lds $op:ident) => {{
+                if !in_ram($op.k) {
+                    break Exit::Machine;
+                }
+                reg!($op.d) = data[$op.k as usize];
+                pc = pc.wrapping_add(2);
+                left -= 2;
+            }};
+            (Sts $op:ident) => {{
+                if !in_ram($op.k) {
+                    break Exit::Machine;
+                }
+                data[$op.k as usize] = reg!($op.d);
+                pc = pc.wrapping_add(2);
+                left -= 2;
+            }};
+            (Push $op:ident) => {{
+                if !in_ram(sp) {
+                    break Exit::Machine;
+                }
+                data[sp as usize] = reg!($op.d);
+                sp = sp.wrapping_sub(1);
+                lowest_sp = lowest_sp.min(sp);
+                next!(2);
+            }};
+            (Pop $op:ident) => {{
+                let top = sp.wrapping_add(1);
+                if !in_ram(top) {
+                    break Exit::Machine;
+                }
+                sp = top;
+                reg!($op.d) = data[sp as usize];
+                next!(2);
+            }};
+            (Mul $op:ident) => {{ multiply!(u16::from(reg!($op.d)) * u16::from(reg!($op.r))) }};
+            (Mov $op:ident) => {{
+                reg!($op.d) = reg!($op.r);
+                next!(1);
+            }};
+        }
+        // Two instructions that often follow each other, dispatched once. The event is looked for
+        // in between all the same.
+        macro_rules! pair {
+            ($first:ident $second:ident $op:ident) => {{
+                instruction!($first $op);
+                instructions += 1;
+                if left <= 0 {
+                    break Exit::Event;
+                }
+                let second = ops[pc as usize];
+                instruction!($second second);
+            }};
+        }
+
         let exit = loop {
             if left <= 0 {
                 break Exit::Event;
@@ -90,12 +204,8 @@ impl Core {
             let op = ops[pc as usize];
             match op.code {
                 Code::Nop => next!(1),
-                Code::Movw => {
-                    let value = pair(data, op.r);
-                    set_pair(data, op.d, value);
-                    next!(1);
-                }
-                Code::Mul => multiply!(u16::from(reg!(op.d)) * u16::from(reg!(op.r))),
+                Code::Movw => instruction!(Movw op),
+                Code::Mul => instruction!(Mul op),
                 Code::Muls => multiply!(signed(reg!(op.d)).wrapping_mul(signed(reg!(op.r)))),
                 Code::Mulsu => multiply!(signed(reg!(op.d)).wrapping_mul(u16::from(reg!(op.r)))),
                 Code::Fmul => multiply_fractional!(u16::from(reg!(op.d)) * u16::from(reg!(op.r))),
@@ -105,44 +215,29 @@ impl Core {
                 Code::Fmulsu => {
                     multiply_fractional!(signed(reg!(op.d)).wrapping_mul(u16::from(reg!(op.r))));
                 }
-                Code::Add => result!(op, flags.add(reg!(op.d), reg!(op.r))),
-                Code::Adc => result!(op, flags.adc(reg!(op.d), reg!(op.r))),
-                Code::Sub => result!(op, flags.sub(reg!(op.d), reg!(op.r))),
-                Code::Sbc => result!(op, flags.sbc(reg!(op.d), reg!(op.r))),
-                Code::Subi => result!(op, flags.sub(reg!(op.d), op.r)),
-                Code::Sbci => result!(op, flags.sbc(reg!(op.d), op.r)),
-                Code::Cp => {
-                    flags.sub(reg!(op.d), reg!(op.r));
-                    next!(1);
-                }
-                Code::Cpc => {
-                    flags.sbc(reg!(op.d), reg!(op.r));
-                    next!(1);
-                }
-                Code::Cpi => {
-                    flags.sub(reg!(op.d), op.r);
-                    next!(1);
-                }
+                Code::Add => instruction!(Add op),
+                Code::Adc => instruction!(Adc op),
+                Code::Sub => instruction!(Sub op),
+                Code::Sbc => instruction!(Sbc op),
+                Code::Subi => instruction!(Subi op),
+                Code::Sbci => instruction!(Sbci op),
+                Code::Cp => instruction!(Cp op),
+                Code::Cpc => instruction!(Cpc op),
+                Code::Cpi => instruction!(Cpi op),
                 Code::And => result!(op, flags.logic(reg!(op.d) & reg!(op.r))),
                 Code::Or => result!(op, flags.logic(reg!(op.d) | reg!(op.r))),
-                Code::Eor => result!(op, flags.logic(reg!(op.d) ^ reg!(op.r))),
+                Code::Eor => instruction!(Eor op),
                 Code::Andi => result!(op, flags.logic(reg!(op.d) & op.r)),
                 Code::Ori => result!(op, flags.logic(reg!(op.d) | op.r)),
-                Code::Mov => {
-                    reg!(op.d) = reg!(op.r);
-                    next!(1);
-                }
-                Code::Ldi => {
-                    reg!(op.d) = op.r;
-                    next!(1);
-                }
+                Code::Mov => instruction!(Mov op),
+                Code::Ldi => instruction!(Ldi op),
                 Code::Com => result!(op, flags.com(reg!(op.d))),
                 Code::Neg => result!(op, flags.neg(reg!(op.d))),
                 Code::Inc => result!(op, flags.inc(reg!(op.d))),
-                Code::Dec => result!(op, flags.dec(reg!(op.d))),
-                Code::Asr => result!(op, flags.asr(reg!(op.d))),
-                Code::Lsr => result!(op, flags.lsr(reg!(op.d))),
-                Code::Ror => result!(op, flags.ror(reg!(op.d))),
+                Code::Dec => instruction!(Dec op),
+                Code::Asr => instruction!(Asr op),
+                Code::Lsr => instruction!(Lsr op),
+                Code::Ror => instruction!(Ror op),
                 Code::Swap => {
                     reg!(op.d) = reg!(op.d).rotate_left(4);
                     next!(1);
@@ -152,11 +247,7 @@ impl Core {
                     set_pair(data, op.d, value);
                     next!(2);
                 }
-                Code::Sbiw => {
-                    let value = flags.sbiw(pair(data, op.d), op.r);
-                    set_pair(data, op.d, value);
-                    next!(2);
-                }
+                Code::Sbiw => instruction!(Sbiw op),
                 Code::Bset => {
                     match op.r {
                         alu::T => flags.set_t(true),
@@ -181,12 +272,12 @@ impl Core {
                     flags.set_t(reg!(op.d) & op.r != 0);
                     next!(1);
                 }
-                Code::Brcs => branch_if!(op, flags.is_carry()),
-                Code::Brcc => branch_if!(op, !flags.is_carry()),
-                Code::Breq => branch_if!(op, flags.is_zero()),
-                Code::Brne => branch_if!(op, !flags.is_zero()),
+                Code::Brcs => instruction!(Brcs op),
+                Code::Brcc => instruction!(Brcc op),
+                Code::Breq => instruction!(Breq op),
+                Code::Brne => instruction!(Brne op),
                 Code::Brmi => branch_if!(op, flags.is_negative()),
-                Code::Brpl => branch_if!(op, !flags.is_negative()),
+                Code::Brpl => instruction!(Brpl op),
                 Code::Brlt => branch_if!(op, flags.is_less()),
                 Code::Brge => branch_if!(op, !flags.is_less()),
                 Code::Brbs => branch_if!(op, flags.sreg() & op.r != 0),
@@ -239,48 +330,11 @@ impl Core {
                     pc = target;
                     left -= 4;
                 }
-                Code::Push => {
-                    if !in_ram(sp) {
-                        break Exit::Machine;
-                    }
-                    data[sp as usize] = reg!(op.d);
-                    sp = sp.wrapping_sub(1);
-                    lowest_sp = lowest_sp.min(sp);
-                    next!(2);
-                }
-                Code::Pop => {
-                    let top = sp.wrapping_add(1);
-                    if !in_ram(top) {
-                        break Exit::Machine;
-                    }
-                    sp = top;
-                    reg!(op.d) = data[sp as usize];
-                    next!(2);
-                }
-                Code::Lds => {
-                    if !in_ram(op.k) {
-                        break Exit::Machine;
-                    }
-                    reg!(op.d) = data[op.k as usize];
-                    pc = pc.wrapping_add(2);
-                    left -= 2;
-                }
-                Code::Sts => {
-                    if !in_ram(op.k) {
-                        break Exit::Machine;
-                    }
-                    data[op.k as usize] = reg!(op.d);
-                    pc = pc.wrapping_add(2);
-                    left -= 2;
-                }
-                Code::Ldd => {
-                    let address = pair(data, op.r).wrapping_add(u16::from(op.n));
-                    if !in_ram(address) {
-                        break Exit::Machine;
-                    }
-                    reg!(op.d) = data[address as usize];
-                    next!(2);
-                }
+                Code::Push => instruction!(Push op),
+                Code::Pop => instruction!(Pop op),
+                Code::Lds => instruction!(Lds op),
+                Code::Sts => instruction!(Sts op),
+                Code::Ldd => instruction!(Ldd op),
                 Code::LdInc => {
                     let address = pair(data, op.r);
                     if !in_ram(address) {
@@ -299,14 +353,7 @@ impl Core {
                     reg!(op.d) = data[address as usize];
                     next!(2);
                 }
-                Code::Std => {
-                    let address = pair(data, op.r).wrapping_add(u16::from(op.n));
-                    if !in_ram(address) {
-                        break Exit::Machine;
-                    }
-                    data[address as usize] = reg!(op.d);
-                    next!(2);
-                }
+                Code::Std => instruction!(Std op),
                 Code::StInc => {
                     let address = pair(data, op.r);
                     if !in_ram(address) {
@@ -370,6 +417,39 @@ impl Core {
                     sp = sp & 0x00FF | u16::from(reg!(op.d)) << 8;
                     next!(1);
                 }
+                Code::AddAdc => pair!(Add Adc op),
+                Code::AdcAdc => pair!(Adc Adc op),
+                Code::SubSbc => pair!(Sub Sbc op),
+                Code::SbcSbc => pair!(Sbc Sbc op),
+                Code::SubiSbci => pair!(Subi Sbci op),
+                Code::SbciSbci => pair!(Sbci Sbci op),
+                Code::CpCpc => pair!(Cp Cpc op),
+                Code::CpcCpc => pair!(Cpc Cpc op),
+                Code::RorRor => pair!(Ror Ror op),
+                Code::AsrRor => pair!(Asr Ror op),
+                Code::LsrRor => pair!(Lsr Ror op),
+                Code::EorEor => pair!(Eor Eor op),
+                Code::MovwMovw => pair!(Movw Movw op),
+                Code::LdiLdi => pair!(Ldi Ldi op),
+                Code::LddLdd => pair!(Ldd Ldd op),
+                Code::StdStd => pair!(Std Std op),
+                Code::LdsLds => pair!(Lds Lds op),
+                Code::StsSts => pair!(Sts Sts op),
+                Code::PushPush => pair!(Push Push op),
+                Code::PopPop => pair!(Pop Pop op),
+                Code::DecBrne => pair!(Dec Brne op),
+                Code::DecBrpl => pair!(Dec Brpl op),
+                Code::SbiwBrne => pair!(Sbiw Brne op),
+                Code::CpiBreq => pair!(Cpi Breq op),
+                Code::CpiBrne => pair!(Cpi Brne op),
+                Code::CpcBrne => pair!(Cpc Brne op),
+                Code::CpcBreq => pair!(Cpc Breq op),
+                Code::CpcBrcs => pair!(Cpc Brcs op),
+                Code::CpcBrcc => pair!(Cpc Brcc op),
+                Code::MulAdd => pair!(Mul Add op),
+                Code::MulMovw => pair!(Mul Movw op),
+                Code::MovwMul => pair!(Movw Mul op),
+                Code::MovMov => pair!(Mov Mov op),
                 Code::Wrap => {
                     // Only the fall-through from the last word comes here; it costs nothing.
                     pc &= pc_mask;
