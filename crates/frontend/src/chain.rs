@@ -133,6 +133,9 @@ impl Chain<'_> {
 
     /// Noise at the first amplifier's input, one-sided density at the carrier in V/rtHz: bridge and
     /// amplifier, the latter's 1/f part taken as white with its density at the band-pass's centre.
+    /// Chopping leaves nothing else of it: over the pass band its slope is odd about the centre, and
+    /// at 10 Hz the band-pass lets 10/(Q 16,000) through, of which the pair of samples takes the
+    /// difference.
     fn amplifier_noise_v(&self) -> f64 {
         let p = self.parameters;
         let white = p.lna_noise_nv_per_rthz * 1e-9;

@@ -9,7 +9,8 @@
 //! What is approximated: the sensors' inputs run straight between their exact values every 125 us.
 //! That is h^2/8 times their second derivative, under 1e-6 V for motion of 1 Hz over the whole
 //! scale (steps held at mid-interval cost 7e-6 V: with a reversing drive they make a force in
-//! quadrature, of which sampling after an aperture of 1 us sees a tenth). What is not exact: a saturated filter, see [`Frontend::saturations`].
+//! quadrature, of which sampling after an aperture of 1 us sees a tenth). What is not exact: a
+//! saturated filter, see [`Frontend::saturations`].
 
 pub mod adc;
 pub mod chain;
@@ -24,9 +25,9 @@ mod saturation;
 pub mod switching;
 
 use cardan_scenario::scenario::Sensors;
-use cardan_scenario::{Scenario, Stimulus};
+use cardan_scenario::{Experience, Scenario, Stimulus};
 use cardan_sensors::{Accelerometer, Axis, Magnetometer};
-use cardan_spec::{CHANNELS, Channel as Name};
+use cardan_spec::{CHANNELS, Channel as Name, FIELD_FULL_SCALE_UT, REFERENCE_V, TILT_FULL_SCALE_G};
 use cardan_units::{Cycles, Volts};
 
 pub use adc::AdcErrors;
@@ -64,6 +65,9 @@ impl<S: Stimulus> Frontend<S> {
     pub fn new(scenario: &Scenario, seed: u64, stimulus: S) -> Result<Self, Error> {
         let design = Design::new(scenario)?;
         let mut inputs = Inputs::new(stimulus);
+        for name in Name::ALL {
+            check_rest(&plan(scenario, &design, name), name)?;
+        }
         let first = *inputs.at(0);
         let channels = Name::ALL
             .map(|name| Channel::new(plan(scenario, &design, name), seed, name as u8, &first));
@@ -170,6 +174,34 @@ impl<S: Stimulus> Frontend<S> {
                 .unwrap_or(0),
         );
     }
+}
+
+/// Refuses a unit that leaves the converter's range at rest: 1 g to either side, or no field at all.
+fn check_rest(plan: &Plan, name: Name) -> Result<(), Error> {
+    let (rest_g, full_scale, section) = match plan.unit {
+        Unit::Tilt(_) => (1.0, TILT_FULL_SCALE_G, "sensors.accelerometer"),
+        Unit::Field(_) => (0.0, FIELD_FULL_SCALE_UT, "sensors.magnetometer"),
+    };
+    for force in [-rest_g, rest_g] {
+        let mut rest = Experience {
+            specific_force_g: [0.0; 3],
+            ..Experience::default()
+        };
+        rest.specific_force_g[name as usize % 2] = force;
+        let p = &plan.parameters;
+        let offset = 1e-3 * p.output_offset_mv / (0.5 * REFERENCE_V);
+        let share = plan.unit.input(&rest) / full_scale * (1.0 + p.gain_error) + offset;
+        if share.abs() >= 1.0 {
+            let message = format!(
+                "{name:?} is driven to {:.0} % of its range at rest ({force} g along its axis, no \
+                 field); expected under 100 %",
+                100.0 * share
+            );
+            let keys = format!("{section}.* (offset, sensitivity, power) or frontend.gain_error");
+            return Err(Error::design(&keys, &message));
+        }
+    }
+    Ok(())
 }
 
 /// How channel `name` is built.

@@ -18,7 +18,7 @@ use crate::syntax;
 use crate::tumble::Tumble;
 
 /// Bundled scenarios: name and text.
-pub const BUNDLED: [(&str, &str); 8] = [
+pub const BUNDLED: [(&str, &str); 9] = [
     ("tumble", include_str!("../scenarios/tumble.toml")),
     (
         "tumble-quiet",
@@ -30,6 +30,7 @@ pub const BUNDLED: [(&str, &str); 8] = [
     ("vibration", include_str!("../scenarios/vibration.toml")),
     ("heat", include_str!("../scenarios/heat.toml")),
     ("magnet", include_str!("../scenarios/magnet.toml")),
+    ("published", include_str!("../scenarios/published.toml")),
 ];
 
 /// The scenario that runs when none is named.
@@ -287,6 +288,11 @@ impl Scenario {
     /// The default scenario with its motion replaced by a recording; the run is as long as that.
     #[must_use]
     pub fn with_recording(mut self, file: &Path) -> Self {
+        self.about = format!(
+            "Recording {} on the hardware of '{}'.",
+            file.display(),
+            self.name
+        );
         self.motion.kind = MotionKind::Recording;
         self.motion.recording.file = Some(file.into());
         self.seconds = MOST_SECONDS;
