@@ -1,1 +1,59 @@
-//! Whole-system tests and their inputs.
+//! Whole-system tests and their inputs: what the tests share.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+use std::sync::OnceLock;
+
+/// Root of the workspace.
+#[must_use]
+pub fn root() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .map_or_else(PathBuf::new, Path::to_path_buf)
+}
+
+/// The program under test, built in the profile and target folder of the running test. Cargo does
+/// not build another package's program for a test, so this does, with the whole workspace's feature
+/// selection: nothing is compiled twice.
+///
+/// # Panics
+/// When the program does not build.
+pub fn cardan() -> &'static Path {
+    static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
+    PROGRAM.get_or_init(|| {
+        let test = std::env::current_exe().expect("a test has a path");
+        let profile_folder = test
+            .parent()
+            .and_then(Path::parent)
+            .expect("target/PROFILE/deps");
+        let target = profile_folder.parent().expect("target/PROFILE");
+        let mut build = Command::new(env!("CARGO"));
+        build
+            .current_dir(root())
+            .args(["build", "--quiet", "--workspace", "--bins"]);
+        build.arg("--target-dir").arg(target);
+        if profile_folder.ends_with("release") {
+            build.arg("--release");
+        }
+        let status = build.status().expect("cargo runs");
+        assert!(status.success(), "cardan does not build");
+        profile_folder.join("cardan")
+    })
+}
+
+/// Runs the program to its end.
+///
+/// # Panics
+/// When it cannot be started.
+pub fn run<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Output {
+    Command::new(cardan())
+        .args(arguments)
+        .output()
+        .expect("cardan starts")
+}
+
+/// Standard error as text.
+#[must_use]
+pub fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}

@@ -101,8 +101,13 @@ pub const APPS: [&dyn App; 1] = [&Attitude];
 /// # Errors
 /// An unknown name; the message lists the known ones.
 pub fn by_name(name: &str) -> Result<&'static dyn App, String> {
-    APPS.into_iter().find(|app| app.name() == name).ok_or_else(|| {
-        let names: Vec<&str> = APPS.iter().map(|app| app.name()).collect();
-        format!("--app {name}: no such application; expected one of: {}", names.join(", "))
-    })
+    APPS.into_iter()
+        .find(|app| app.name() == name)
+        .ok_or_else(|| {
+            let names: Vec<&str> = APPS.iter().map(|app| app.name()).collect();
+            format!(
+                "--app {name}: no such application; expected one of: {}",
+                names.join(", ")
+            )
+        })
 }

@@ -94,6 +94,10 @@ pub struct Summary {
     pub lost_conversions: u64,
     /// Solutions that were not finished before the next ones' conversions were complete.
     pub missed_deadlines: u64,
+    /// Pin edges, hold instants and serial bytes off the design's schedule.
+    pub mistimed: u64,
+    /// The first of them, in words.
+    pub first_mistimed: Option<String>,
     /// Worst interrupt latency in cycles.
     pub isr_latency_max_cycles: u64,
     /// Why the emulated program crashed, with its address and instruction.

@@ -71,7 +71,12 @@ impl Firmware {
             address: symbol.address as usize,
             len: symbol.size as usize / 4,
         });
-        Ok(Self { image, name: name.to_owned(), formats, taps })
+        Ok(Self {
+            image,
+            name: name.to_owned(),
+            formats,
+            taps,
+        })
     }
 
     /// Checks that the image computes in `nodes`' formats.
@@ -79,7 +84,9 @@ impl Firmware {
     /// # Errors
     /// The first disagreement with both sides.
     pub fn check_formats(&self, nodes: &[NodeInfo], hash: u64) -> Result<(), ImageError> {
-        let Some(table) = &self.formats else { return Ok(()) };
+        let Some(table) = &self.formats else {
+            return Ok(());
+        };
         if table.hash == hash {
             return Ok(());
         }
@@ -95,9 +102,17 @@ impl Firmware {
                 nodes.len()
             )));
         }
-        let differing = nodes.iter().zip(&table.formats).find(|(node, format)| node.format != **format);
+        let differing = nodes
+            .iter()
+            .zip(&table.formats)
+            .find(|(node, format)| node.format != **format);
         Err(fail(differing.map_or_else(
-            || format!("hash {:016x}, native {hash:016x}: the nodes' names differ", table.hash),
+            || {
+                format!(
+                    "hash {:016x}, native {hash:016x}: the nodes' names differ",
+                    table.hash
+                )
+            },
             |(node, format)| {
                 format!(
                     "node '{}' is {} in the image and {} natively",
@@ -123,7 +138,9 @@ pub fn describe(format: Format) -> String {
 }
 
 fn format_table(image: &Image, name: &str) -> Result<Option<FormatTable>, ImageError> {
-    let Some(symbol) = image.symbol(taps::FORMATS_SYMBOL) else { return Ok(None) };
+    let Some(symbol) = image.symbol(taps::FORMATS_SYMBOL) else {
+        return Ok(None);
+    };
     let fail = |problem: &str| ImageError::Table {
         file: name.to_owned(),
         symbol: taps::FORMATS_SYMBOL,
@@ -133,17 +150,27 @@ fn format_table(image: &Image, name: &str) -> Result<Option<FormatTable>, ImageE
         return Err(fail("expected in flash (section .progmem.data)"));
     }
     let start = symbol.address as usize;
-    let bytes = image.flash.get(start..).ok_or_else(|| fail("lies beyond the image"))?;
-    let (head, rest) = bytes.split_at_checked(HEADER).ok_or_else(|| fail("is cut short"))?;
+    let bytes = image
+        .flash
+        .get(start..)
+        .ok_or_else(|| fail("lies beyond the image"))?;
+    let (head, rest) = bytes
+        .split_at_checked(HEADER)
+        .ok_or_else(|| fail("is cut short"))?;
     let (hash, count) = head.split_at(8);
-    let hash = hash.iter().rev().fold(0, |hash, &byte| hash << 8 | u64::from(byte));
+    let hash = hash
+        .iter()
+        .rev()
+        .fold(0, |hash, &byte| hash << 8 | u64::from(byte));
     let count = usize::from(count[0]) | usize::from(count[1]) << 8;
     let rows = rest.get(..4 * count).ok_or_else(|| fail("is cut short"))?;
     let formats = rows.chunks_exact(4).map(|row| {
         let rounding = Rounding::ALL.get(usize::from(row[2]))?.0;
         let overflow = Overflow::ALL.get(usize::from(row[3]))?.0;
         let word = u32::from(row[0]);
-        (1..=64).contains(&word).then(|| Format::new(word, row[1].into(), rounding, overflow))
+        (1..=64)
+            .contains(&word)
+            .then(|| Format::new(word, row[1].into(), rounding, overflow))
     });
     let formats = formats
         .collect::<Option<Vec<_>>>()

@@ -57,9 +57,12 @@ fn emulate(scenario: &str, seconds: f64) -> (Configuration, Recorder, Summary) {
     let scenario = Scenario::load(scenario).expect("is bundled");
     let firmware =
         Firmware::parse("tapped.elf", Attitude.bundled(true).expect("bundled")).expect("parses");
-    firmware.check_formats(Attitude.nodes(), Attitude.formats_hash()).expect("same formats");
-    let (configuration, engine) =
-        Attitude.emulated(&scenario, 1, seconds, &firmware).expect("fits");
+    firmware
+        .check_formats(Attitude.nodes(), Attitude.formats_hash())
+        .expect("same formats");
+    let (configuration, engine) = Attitude
+        .emulated(&scenario, 1, seconds, &firmware)
+        .expect("fits");
     let (recorder, summary) = run(engine, &[]);
     (configuration, recorder, summary)
 }
@@ -71,24 +74,43 @@ fn native_and_emulated_agree_in_every_bit_and_golden_is_near() {
     let conversions = &emulated.conversions;
     assert_eq!(summary.crash, None);
     assert_eq!((summary.late_conversions, summary.lost_conversions), (0, 0));
-    assert_eq!(conversions.len() as u64, (configuration.solutions + 12) * 64);
-    let (native, _) = run(Attitude.native(&configuration, None).expect("runs"), conversions);
+    assert_eq!(
+        conversions.len() as u64,
+        (configuration.solutions + 12) * 64
+    );
+    let (native, _) = run(
+        Attitude.native(&configuration, None).expect("runs"),
+        conversions,
+    );
     assert_eq!(native.frames, emulated.frames);
     assert_eq!(native.words, emulated.words);
     let formats: Vec<_> = Attitude.nodes().iter().map(|node| node.format).collect();
-    let tunable = Attitude.native(&configuration, Some(&formats)).expect("runs");
+    let tunable = Attitude
+        .native(&configuration, Some(&formats))
+        .expect("runs");
     let (tunable, _) = run(tunable, conversions);
     assert_eq!(tunable.words, native.words);
     assert_eq!(tunable.frames, native.frames);
     let (golden, _) = run(Attitude.golden(&configuration, Feed::Codes), conversions);
-    let (real, _) = run(Attitude.real(&configuration, 0, None).expect("runs"), conversions);
+    let (real, _) = run(
+        Attitude.real(&configuration, 0, None).expect("runs"),
+        conversions,
+    );
     for (shared, node) in Attitude.golden_nodes().into_iter().enumerate() {
         let info = Attitude.nodes()[node];
         let (mut worst, mut algorithm) = (0.0_f64, 0.0_f64);
-        for ((golden, real), raw) in
-            golden.reals[shared].iter().zip(&real.reals[node]).zip(&native.words[node])
+        for ((golden, real), raw) in golden.reals[shared]
+            .iter()
+            .zip(&real.reals[node])
+            .zip(&native.words[node])
         {
-            let wrap = |d: f64| if info.unit == "half_turn" { d - 2.0 * (d / 2.0).round() } else { d };
+            let wrap = |d: f64| {
+                if info.unit == "half_turn" {
+                    d - 2.0 * (d / 2.0).round()
+                } else {
+                    d
+                }
+            };
             worst = worst.max(wrap(info.format.real(*raw) - golden).abs());
             algorithm = algorithm.max(wrap(real - golden).abs());
         }
@@ -102,7 +124,10 @@ fn native_and_emulated_agree_in_every_bit_and_golden_is_near() {
     let mut sum = 0.0;
     for (truth, frame) in emulated.truths.iter().zip(&emulated.frames) {
         let (angles, flags) = Attitude.decode_frame(frame).expect("whole");
-        let truth = truth.yaw_pitch_roll_rad.expect("synthetic").map(f64::to_degrees);
+        let truth = truth
+            .yaw_pitch_roll_rad
+            .expect("synthetic")
+            .map(f64::to_degrees);
         let error = (angles[0] * 180.0 - truth[0] + 540.0).rem_euclid(360.0) - 180.0;
         sum += error * error;
         if sum < 0.0 {

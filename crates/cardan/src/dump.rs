@@ -15,17 +15,26 @@ pub(crate) fn write(
     collected: &Collected,
     file: &Path,
 ) -> Result<(), Failure> {
-    let nodes: Vec<&Node> = comparison.nodes.iter().filter(|node| node.per_solution == 1).collect();
+    let nodes: Vec<&Node> = comparison
+        .nodes
+        .iter()
+        .filter(|node| node.per_solution == 1)
+        .collect();
     let mut text = String::from("solution,t_s,flags,truth_yaw_deg,truth_pitch_deg,truth_roll_deg");
     for node in &nodes {
         let name = &node.name;
-        let _ = write!(text, ",{name}_native,{name}_emulated_raw,{name}_golden,{name}_real");
+        let _ = write!(
+            text,
+            ",{name}_native,{name}_emulated_raw,{name}_golden,{name}_real"
+        );
     }
     text.push('\n');
     for (solution, flags) in comparison.flags.iter().enumerate() {
         let truth = collected.truths.get(solution);
         let number = |value: Option<f64>| {
-            value.filter(|value| value.is_finite()).map_or_else(String::new, |v| v.to_string())
+            value
+                .filter(|value| value.is_finite())
+                .map_or_else(String::new, |v| v.to_string())
         };
         let degrees = |radians: Option<f64>| number(radians.map(f64::to_degrees));
         let _ = write!(
@@ -38,7 +47,11 @@ pub(crate) fn write(
         );
         for node in &nodes {
             let real = |values: &Option<Vec<f64>>| {
-                number(values.as_ref().and_then(|values| values.get(solution).copied()))
+                number(
+                    values
+                        .as_ref()
+                        .and_then(|values| values.get(solution).copied()),
+                )
             };
             let raw = node.emulated.as_ref().and_then(|words| words.get(solution));
             let _ = write!(

@@ -27,8 +27,7 @@ pub(crate) fn comparison(
 ) -> Result<Comparison, Failure> {
     let app = setup.app;
     let flags = flags(app, &collected.native_frames);
-    let trajectory =
-        Trajectory::new(&setup.scenario, setup.seed).map_err(Failure::input)?;
+    let trajectory = Trajectory::new(&setup.scenario, setup.seed).map_err(Failure::input)?;
     let summary = &collected.emulated_summary;
     let run = Run {
         app: app.name().to_owned(),
@@ -40,19 +39,31 @@ pub(crate) fn comparison(
         solution_seconds: app.solution_seconds(),
     };
     let tolerance = &setup.scenario.tolerance.truth;
-    let truth_tolerance = (tolerance.rms_deg.is_some() || tolerance.max_deg.is_some()).then(|| {
-        TruthTolerance { rms_deg: tolerance.rms_deg, p99_deg: None, max_deg: tolerance.max_deg }
-    });
+    let truth_tolerance =
+        (tolerance.rms_deg.is_some() || tolerance.max_deg.is_some()).then(|| TruthTolerance {
+            rms_deg: tolerance.rms_deg,
+            p99_deg: None,
+            max_deg: tolerance.max_deg,
+        });
     let assumed = report::assumptions(&setup.scenario, &trajectory)
         .into_iter()
-        .map(|a| Assumed { name: a.key, value: a.value, reason: a.source })
+        .map(|a| Assumed {
+            name: a.key,
+            value: a.value,
+            reason: a.source,
+        })
         .collect();
     let mut provenance = vec![
         ("cardan".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("formats".to_owned(), format!("{:016x}", setup.formats_hash)),
         ("image".to_owned(), setup.firmware.name.clone()),
     ];
-    provenance.extend(summary.remarks.iter().map(|remark| ("remark".to_owned(), remark.clone())));
+    provenance.extend(
+        summary
+            .remarks
+            .iter()
+            .map(|remark| ("remark".to_owned(), remark.clone())),
+    );
     if let Some(crash) = &summary.crash {
         provenance.push(("crash".to_owned(), crash.clone()));
     }
@@ -79,6 +90,8 @@ pub(crate) fn comparison(
             lost_conversions: summary.lost_conversions,
             isr_latency_max_cycles: summary.isr_latency_max_cycles,
             missed_deadlines: summary.missed_deadlines,
+            mistimed: summary.mistimed,
+            first_mistimed: summary.first_mistimed.clone(),
         },
         link: LinkStatistics {
             messages: collected.messages,
@@ -86,7 +99,10 @@ pub(crate) fn comparison(
             lost: collected.lost,
         },
         assumed,
-        reproduce: Reproduce { command, provenance },
+        reproduce: Reproduce {
+            command,
+            provenance,
+        },
     })
 }
 
@@ -104,11 +120,16 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
     };
     let listed = |(index, info): (usize, &NodeInfo)| {
         let native = collected.native.get(&index)?.clone();
-        let format = setup.formats.as_ref().map_or(info.format, |formats| formats[index]);
+        let format = setup
+            .formats
+            .as_ref()
+            .map_or(info.format, |formats| formats[index]);
         let per_solution = SHARED
             .iter()
             .find(|shared| shared.name == info.name)
-            .map_or(native.len() / solutions.max(1), |shared| shared.per_solution);
+            .map_or(native.len() / solutions.max(1), |shared| {
+                shared.per_solution
+            });
         Some(Node {
             name: info.name.to_owned(),
             unit: info.unit.to_owned(),
@@ -121,12 +142,18 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
             }),
             lsb: format.lsb(),
             native,
-            emulated: setup.firmware.taps.map(|_| {
-                collected.emulated.get(&index).cloned().unwrap_or_default()
-            }),
+            emulated: setup
+                .firmware
+                .taps
+                .map(|_| collected.emulated.get(&index).cloned().unwrap_or_default()),
             real: collected.real.get(&index).cloned(),
             golden: golden_of(index),
-            overflows: collected.native_summary.overflows.get(index).copied().unwrap_or(0),
+            overflows: collected
+                .native_summary
+                .overflows
+                .get(index)
+                .copied()
+                .unwrap_or(0),
             tolerance: tolerance(setup, info.name),
         })
     };
@@ -136,10 +163,20 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
 /// The scenario's tolerance, else the bundled one.
 fn tolerance(setup: &Setup, node: &str) -> Option<Tolerance> {
     if let Some(&max_abs) = setup.scenario.tolerance.nodes.get(node) {
-        return Some(Tolerance { max_abs, reason: "set by the scenario".to_owned() });
+        return Some(Tolerance {
+            max_abs,
+            reason: "set by the scenario".to_owned(),
+        });
     }
-    let bundled = setup.app.tolerances().iter().find(|tolerance| tolerance.node == node)?;
-    Some(Tolerance { max_abs: bundled.max_abs, reason: bundled.reason.to_owned() })
+    let bundled = setup
+        .app
+        .tolerances()
+        .iter()
+        .find(|tolerance| tolerance.node == node)?;
+    Some(Tolerance {
+        max_abs: bundled.max_abs,
+        reason: bundled.reason.to_owned(),
+    })
 }
 
 fn attitudes(setup: &Setup, collected: &Collected) -> Result<Attitudes, Failure> {
@@ -154,10 +191,17 @@ fn attitudes(setup: &Setup, collected: &Collected) -> Result<Attitudes, Failure>
     });
     let indices = app.attitude_nodes();
     let shared = indices.map(|node| {
-        app.golden_nodes().iter().position(|&index| index == node).unwrap_or(usize::MAX)
+        app.golden_nodes()
+            .iter()
+            .position(|&index| index == node)
+            .unwrap_or(usize::MAX)
     });
     let lsb = |node: usize| {
-        setup.formats.as_ref().map_or(app.nodes()[node].format, |formats| formats[node]).lsb()
+        setup
+            .formats
+            .as_ref()
+            .map_or(app.nodes()[node].format, |formats| formats[node])
+            .lsb()
     };
     let word_series = |streams: &Streams<i64>| {
         let scaled = indices.map(|node| {
@@ -167,7 +211,10 @@ fn attitudes(setup: &Setup, collected: &Collected) -> Result<Attitudes, Failure>
         series(&scaled)
     };
     let from_frames = |frames: &[Vec<u8>]| -> Series {
-        frames.iter().map(|frame| app.decode_frame(frame).map(|(values, _)| angles(values))).collect()
+        frames
+            .iter()
+            .map(|frame| app.decode_frame(frame).map(|(values, _)| angles(values)))
+            .collect()
     };
     let direct = run_attitude(
         app.golden(configuration, Feed::Direct),
@@ -177,7 +224,13 @@ fn attitudes(setup: &Setup, collected: &Collected) -> Result<Attitudes, Failure>
     Ok(Attitudes {
         truth: truth.collect(),
         direct,
-        ideal: series(&shared.map(|node| collected.golden_ideal.get(&node).cloned().unwrap_or_default())),
+        ideal: series(&shared.map(|node| {
+            collected
+                .golden_ideal
+                .get(&node)
+                .cloned()
+                .unwrap_or_default()
+        })),
         codes: series(&shared.map(|node| collected.golden.get(&node).cloned().unwrap_or_default())),
         real: series(&indices.map(|node| collected.real.get(&node).cloned().unwrap_or_default())),
         deployed: word_series(&collected.native),
@@ -191,7 +244,11 @@ fn attitudes(setup: &Setup, collected: &Collected) -> Result<Attitudes, Failure>
 }
 
 fn angles([yaw, pitch, roll]: [f64; 3]) -> Angles {
-    Angles { yaw: HalfTurns(yaw), pitch: HalfTurns(pitch), roll: HalfTurns(roll) }
+    Angles {
+        yaw: HalfTurns(yaw),
+        pitch: HalfTurns(pitch),
+        roll: HalfTurns(roll),
+    }
 }
 
 /// Yaw, pitch and roll streams side by side; NaN means unknown.
@@ -226,7 +283,10 @@ fn run_attitude(
     conversions: &[Conversion],
     nodes: [usize; 3],
 ) -> Result<Series, Failure> {
-    let mut sink = AttitudeOf { nodes, values: Default::default() };
+    let mut sink = AttitudeOf {
+        nodes,
+        values: Default::default(),
+    };
     let mut feed = conversions.iter().copied().map(Ok);
     match engine.run(&mut feed, &mut sink) {
         Ok(_) => Ok(series(&sink.values)),
@@ -240,20 +300,30 @@ fn run_attitude(
 fn rounding_steps(setup: &Setup, collected: &Collected) -> Result<Vec<RoundingStep>, Failure> {
     let app = setup.app;
     let count = app.nodes().len();
-    let workers = thread::available_parallelism().map_or(1, usize::from).min(count);
+    let workers = thread::available_parallelism()
+        .map_or(1, usize::from)
+        .min(count);
     let step = |node: usize| -> Result<RoundingStep, Failure> {
         let engine = app
             .real(&collected.configuration, node + 1, setup.formats.as_deref())
             .map_err(Failure::input)?;
         let attitudes = run_attitude(engine, &collected.conversions, app.attitude_nodes())?;
-        Ok(RoundingStep { node: app.nodes()[node].name.to_owned(), attitudes })
+        Ok(RoundingStep {
+            node: app.nodes()[node].name.to_owned(),
+            attitudes,
+        })
     };
     let step = &step;
     let worker = move |first: usize| -> Result<Vec<(usize, RoundingStep)>, Failure> {
-        (first..count).step_by(workers).map(|node| Ok((node, step(node)?))).collect()
+        (first..count)
+            .step_by(workers)
+            .map(|node| Ok((node, step(node)?)))
+            .collect()
     };
     let mut steps = thread::scope(|scope| {
-        let handles: Vec<_> = (0..workers).map(|first| scope.spawn(move || worker(first))).collect();
+        let handles: Vec<_> = (0..workers)
+            .map(|first| scope.spawn(move || worker(first)))
+            .collect();
         let mut all = Vec::new();
         for handle in handles {
             let part = handle

@@ -55,9 +55,13 @@ pub(crate) struct Setup {
 
 impl RunOptions {
     /// Everything but the image: what a participant without hardware needs.
-    pub(crate) fn app_and_formats(&self) -> Result<(&'static dyn App, Option<Vec<Format>>, u64), Failure> {
+    pub(crate) fn app_and_formats(
+        &self,
+    ) -> Result<(&'static dyn App, Option<Vec<Format>>, u64), Failure> {
         let app = by_name(&self.app).map_err(Failure::input)?;
-        let Some(file) = &self.wordlengths else { return Ok((app, None, app.formats_hash())) };
+        let Some(file) = &self.wordlengths else {
+            return Ok((app, None, app.formats_hash()));
+        };
         let formats = read_wordlengths(file, app)?;
         let mut table = app.nodes().to_vec();
         for (node, format) in table.iter_mut().zip(&formats) {
@@ -88,24 +92,35 @@ impl RunOptions {
         for (node, format) in table.iter_mut().zip(formats.iter().flatten()) {
             node.format = *format;
         }
-        firmware.check_formats(&table, formats_hash).map_err(Failure::input)?;
-        Ok(Setup { app, scenario, firmware, formats, formats_hash, seconds, seed: self.seed })
+        firmware
+            .check_formats(&table, formats_hash)
+            .map_err(Failure::input)?;
+        Ok(Setup {
+            app,
+            scenario,
+            firmware,
+            formats,
+            formats_hash,
+            seconds,
+            seed: self.seed,
+        })
     }
 
     fn firmware(&self, app: &'static dyn App, other_formats: bool) -> Result<Firmware, Failure> {
         let parse = |name: &str, bytes: &[u8]| Firmware::parse(name, bytes).map_err(Failure::input);
         match (&self.firmware, &self.wordlengths) {
             (Some(file), _) => parse(&file.display().to_string(), &read(file)?),
-            (None, Some(wordlengths)) if other_formats => {
-                Err(Failure::input(format!(
-                    "{}: the bundled image has other formats; give --firmware with an image that \
+            (None, Some(wordlengths)) if other_formats => Err(Failure::input(format!(
+                "{}: the bundled image has other formats; give --firmware with an image that \
                      was built with this file",
-                    wordlengths.display()
-                )))
-            }
+                wordlengths.display()
+            ))),
             (None, _) => {
                 let bytes = app.bundled(true).ok_or_else(|| {
-                    Failure::input(format!("application {} has no image; give --firmware", app.name()))
+                    Failure::input(format!(
+                        "application {} has no image; give --firmware",
+                        app.name()
+                    ))
                 })?;
                 parse("bundled image", bytes)
             }

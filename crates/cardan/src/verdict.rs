@@ -46,7 +46,13 @@ pub(crate) fn publish(
     if output.is_json() {
         output.document(&report);
     }
-    output.result(&table::render(&report, Style { color: output.has_colour(), width: WIDTH }));
+    output.result(&table::render(
+        &report,
+        Style {
+            color: output.has_colour(),
+            width: WIDTH,
+        },
+    ));
     if let Some(crash) = &collected.emulated_summary.crash {
         output.error(&format!("the emulated program crashed: {crash}"));
         return Ok(ExitCode::from(code::CRASH));

@@ -241,6 +241,10 @@ pub struct EmulatorStatistics {
     pub isr_latency_max_cycles: u64,
     /// Solutions that were not finished when the next averages were complete.
     pub missed_deadlines: u64,
+    /// Pin edges, hold instants and serial bits off the design's schedule.
+    pub mistimed: u64,
+    /// The first of them, in words.
+    pub first_mistimed: Option<String>,
 }
 
 /// Counters of the link, all services of the session together.

@@ -85,6 +85,13 @@ pub enum Reason {
     LostConversions(u64),
     /// Solutions were not finished in time.
     MissedDeadlines(u64),
+    /// The device left the schedule of its design.
+    Mistimed {
+        /// How often.
+        count: u64,
+        /// The first time, in words.
+        first: String,
+    },
     /// The error against truth is beyond the scenario's limit.
     TruthMissed {
         /// `rms`, `p99` or `max`.
@@ -170,6 +177,13 @@ impl fmt::Display for Reason {
             Self::LostConversions(count) => {
                 write!(f, "timing: {} lost", counted(*count, "conversion"))
             }
+            Self::Mistimed { count, first } => {
+                write!(
+                    f,
+                    "{} off the design's schedule; first: {first}",
+                    counted(*count, "event")
+                )
+            }
             Self::MissedDeadlines(count) => {
                 write!(f, "timing: {} missed", counted(*count, "deadline"))
             }
@@ -240,6 +254,16 @@ pub(crate) fn check_run(
         if count > 0 {
             reasons.push(reason(count));
         }
+    }
+    if comparison.emulator.mistimed > 0 {
+        reasons.push(Reason::Mistimed {
+            count: comparison.emulator.mistimed,
+            first: comparison
+                .emulator
+                .first_mistimed
+                .clone()
+                .unwrap_or_default(),
+        });
     }
     if let Some(tolerance) = comparison.truth_tolerance {
         check_truth(tolerance, attitude, reasons);

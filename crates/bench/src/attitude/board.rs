@@ -13,6 +13,7 @@ use cardan_spec::timing::{
 use cardan_spec::{Channel, frame};
 use cardan_units::{Cycles, Volts};
 
+use super::schedule::Schedule;
 use crate::engine::{Conversion, Sink, SinkError, Truth};
 use crate::image::TapTable;
 use std::sync::Arc;
@@ -53,6 +54,7 @@ pub(super) struct State {
     pub(super) late: u64,
     pub(super) lost: u64,
     pub(super) missed_deadlines: u64,
+    pub(super) schedule: Schedule,
     /// Cycles at which the conversions of the solutions that are not finished were complete.
     pending: std::collections::VecDeque<u64>,
     pub(super) error: Option<SinkError>,
@@ -92,7 +94,10 @@ impl Board<'_> {
             let Angles { yaw, pitch, roll } = angles_of(&m);
             [yaw.radians(), pitch.radians(), roll.radians()]
         });
-        let result = self.sink.truth(&Truth { time_s, yaw_pitch_roll_rad });
+        let result = self.sink.truth(&Truth {
+            time_s,
+            yaw_pitch_roll_rad,
+        });
         self.keep(result);
     }
 }
@@ -111,6 +116,10 @@ impl Environment for Board<'_> {
             }
             _ => return,
         };
+        match driven {
+            DrivenPin::Carrier => self.state.schedule.carrier(cycle),
+            DrivenPin::Strobe => self.state.schedule.strobe(cycle),
+        }
         let result = self.frontend.pin_edge(Cycles(cycle), driven, level);
         self.keep(result.map_err(Into::into));
     }
@@ -124,6 +133,10 @@ impl Environment for Board<'_> {
         let Some(&channel) = channel else { return 0.0 };
         match self.frontend.voltage(Cycles(cycle), channel) {
             Ok(Volts(volts)) => {
+                // The first conversion after enabling holds later by design.
+                if self.state.conversions > 0 {
+                    self.state.schedule.hold(cycle);
+                }
                 self.state.ideal = Some((cycle, volts));
                 self.adc.apply(Volts(volts), self.state.conversions).0
             }
@@ -140,7 +153,8 @@ impl Environment for Board<'_> {
         if sequence >= self.last_conversion() {
             return;
         }
-        let (AnalogInput::Pin(channel), Some((_, ideal_volts))) = (event.input, self.state.ideal.take())
+        let (AnalogInput::Pin(channel), Some((_, ideal_volts))) =
+            (event.input, self.state.ideal.take())
         else {
             let what = format!(
                 "the firmware converted {:?}, where the attitude sensor has only ADC0 to ADC3",
@@ -181,8 +195,10 @@ impl Environment for Board<'_> {
 
     fn uart_tx(&mut self, cycle: u64, byte: u8) {
         let message = &mut self.state.message;
+        self.state.schedule.byte(cycle, message.is_empty());
         message.push(byte);
-        if byte == frame::DELIMITER || byte == b'\n' && message.len() > frame::WIRE_LEN
+        if byte == frame::DELIMITER
+            || byte == b'\n' && message.len() > frame::WIRE_LEN
             || message.len() == LONGEST_MESSAGE
         {
             let bytes = std::mem::take(message);

@@ -71,22 +71,28 @@ impl Engine for EmulatedEngine {
             solutions: self.solutions,
             state: State::default(),
         };
-        let limit = (WARM_UP_SOLUTIONS as u64 + self.solutions) * SOLUTION_CYCLES + LAST_FRAME_CYCLES;
+        let limit =
+            (WARM_UP_SOLUTIONS as u64 + self.solutions) * SOLUTION_CYCLES + LAST_FRAME_CYCLES;
         let stop = self.machine.run(&mut board, limit);
         if let Some(error) = board.state.error.take() {
             return Err(EngineError::Link(error));
         }
         let state = board.state;
-        let mut remarks: Vec<String> =
-            board.frontend.saturations().iter().map(|saturation| format!("{saturation:?}")).collect();
+        let mut remarks: Vec<String> = board
+            .frontend
+            .saturations()
+            .iter()
+            .map(|saturation| format!("{saturation:?}"))
+            .collect();
         remarks.extend(self.machine.reports().iter().map(ToString::to_string));
         let crash = match stop {
             Stop::Crash(crash) => Some(crash.to_string()),
             Stop::Sleep => Some("the program went to sleep with interrupts disabled".into()),
             Stop::Break => Some("the program executed BREAK".into()),
-            Stop::Halt => {
-                Some(format!("the program halted at {:#06x}: it panicked", self.machine.pc()))
-            }
+            Stop::Halt => Some(format!(
+                "the program halted at {:#06x}: it panicked",
+                self.machine.pc()
+            )),
             Stop::Limit | Stop::Requested => None,
         };
         let statistics = self.machine.statistics();
@@ -100,6 +106,8 @@ impl Engine for EmulatedEngine {
             late_conversions: state.late,
             lost_conversions: state.lost,
             missed_deadlines: state.missed_deadlines,
+            mistimed: state.schedule.violations(),
+            first_mistimed: state.schedule.first_violation(),
             isr_latency_max_cycles: statistics
                 .vectors
                 .iter()

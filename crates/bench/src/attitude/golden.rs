@@ -16,7 +16,10 @@ pub(super) struct GoldenEngine {
 
 impl GoldenEngine {
     pub(super) fn new(calibration: &Calibration, feed: Feed) -> Self {
-        Self { golden: Golden::new(calibration), feed }
+        Self {
+            golden: Golden::new(calibration),
+            feed,
+        }
     }
 }
 
@@ -42,9 +45,10 @@ impl Engine for GoldenEngine {
             };
             // Only real codes can clip; the other feeds have no rails.
             let clipped = self.feed == Feed::Codes && code.is_clipped();
-            self.golden.convert(*channel, fed, clipped, &mut |node, value| {
-                writes.push((node, value));
-            });
+            self.golden
+                .convert(*channel, fed, clipped, &mut |node, value| {
+                    writes.push((node, value));
+                });
             for (node, value) in writes.drain(..) {
                 sink.real(node, value, conversion.cycle)?;
             }

@@ -67,7 +67,12 @@ impl MixedEngine {
         let buffer = Buffer::default();
         buffer.overflows.borrow_mut().resize(NODE_COUNT, 0);
         let m = Mixed::new(formats, buffer.clone());
-        Self { buffer, m, words: *words, shows }
+        Self {
+            buffer,
+            m,
+            words: *words,
+            shows,
+        }
     }
 
     fn pass_on(&self, cycle: u64, sink: &mut dyn Sink) -> Result<(), EngineError> {
@@ -90,7 +95,9 @@ impl MixedEngine {
     ) -> Frame {
         Frame {
             sequence,
-            sums: sums.sums.map(|sum| sum.word().raw.unwrap_or_default() as i16),
+            sums: sums
+                .sums
+                .map(|sum| sum.word().raw.unwrap_or_default() as i16),
             angles: [
                 angle(angles.yaw, formats),
                 angle(angles.pitch, formats),
@@ -135,6 +142,9 @@ impl Engine for MixedEngine {
             }
         }
         let overflows = self.buffer.overflows.borrow().clone();
-        Ok(Summary { overflows, ..Summary::default() })
+        Ok(Summary {
+            overflows,
+            ..Summary::default()
+        })
     }
 }

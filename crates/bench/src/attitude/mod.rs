@@ -6,6 +6,7 @@ mod frames;
 mod golden;
 mod mixed;
 mod native;
+mod schedule;
 
 use std::sync::Arc;
 
@@ -27,15 +28,16 @@ use crate::image::Firmware;
 pub struct Attitude;
 
 /// Images of the reference board, built from `firmware/boards/atmega328p`.
-const TAPPED: &[u8] =
-    include_bytes!("../../../../firmware/boards/atmega328p/images/tapped.elf");
+const TAPPED: &[u8] = include_bytes!("../../../../firmware/boards/atmega328p/images/tapped.elf");
 const PLAIN: &[u8] = include_bytes!("../../../../firmware/boards/atmega328p/images/plain.elf");
 
 /// Calibration values rounded to the words of the EEPROM image.
 #[must_use]
 pub fn calibration_words(calibration: &Calibration) -> [i32; WORDS] {
     let scale = f64::from(1_u32 << FRAC);
-    calibration.to_values().map(|value| (value * scale).round_ties_even() as i32)
+    calibration
+        .to_values()
+        .map(|value| (value * scale).round_ties_even() as i32)
 }
 
 /// The calibration that the words hold.
@@ -81,7 +83,12 @@ impl App for Attitude {
     }
 
     fn golden_nodes(&self) -> Vec<usize> {
-        let index = |name| NODES.iter().position(|node| node.name == name).unwrap_or(usize::MAX);
+        let index = |name| {
+            NODES
+                .iter()
+                .position(|node| node.name == name)
+                .unwrap_or(usize::MAX)
+        };
         SHARED.iter().map(|shared| index(shared.name)).collect()
     }
 
@@ -105,7 +112,9 @@ impl App for Attitude {
         firmware: &Firmware,
     ) -> Result<(Configuration, Box<dyn Engine>), String> {
         let trajectory = Trajectory::new(scenario, seed).map_err(|error| error.to_string())?;
-        let seconds = trajectory.duration_s().map_or(seconds, |end| seconds.min(end));
+        let seconds = trajectory
+            .duration_s()
+            .map_or(seconds, |end| seconds.min(end));
         let solutions = solutions_in(seconds)?;
         let words = calibration_words(&report::calibration(scenario, &trajectory));
         let engine = emulated::EmulatedEngine::new(
@@ -117,7 +126,10 @@ impl App for Attitude {
             solutions,
             firmware,
         )?;
-        let configuration = Configuration { calibration: words.to_vec(), solutions };
+        let configuration = Configuration {
+            calibration: words.to_vec(),
+            solutions,
+        };
         Ok((configuration, Box::new(engine)))
     }
 
@@ -141,7 +153,10 @@ impl App for Attitude {
         formats: Option<&[Format]>,
     ) -> Result<Box<dyn Engine>, String> {
         let formats = formats_of(formats)?.prefix(quantised);
-        Ok(Box::new(mixed::MixedEngine::values(&formats, &words_of(configuration))))
+        Ok(Box::new(mixed::MixedEngine::values(
+            &formats,
+            &words_of(configuration),
+        )))
     }
 
     fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine> {

@@ -47,7 +47,12 @@ impl NativeEngine {
         let m = Deployed::new(buffer.clone());
         let averager = Averager::new(&m);
         let solver = Solver::new(buffer.clone(), &encode(words));
-        Self { buffer, m, averager, solver }
+        Self {
+            buffer,
+            m,
+            averager,
+            solver,
+        }
     }
 
     fn pass_on(&self, cycle: u64, sink: &mut dyn Sink) -> Result<(), EngineError> {
@@ -76,6 +81,9 @@ impl Engine for NativeEngine {
         // The averager's arithmetic keeps no status of its own: only the solver's is sent.
         let _ = self.m.take_status();
         let overflows = self.buffer.overflows.borrow().clone();
-        Ok(Summary { overflows, ..Summary::default() })
+        Ok(Summary {
+            overflows,
+            ..Summary::default()
+        })
     }
 }

@@ -7,7 +7,9 @@ use std::process::{Command, ExitCode, Stdio};
 use std::thread;
 use std::time::Duration;
 
-use cardan_link::{Ending, Finished, Participant, Role, SessionId, Supervisor, SupervisorError, Transport};
+use cardan_link::{
+    Ending, Finished, Participant, Role, SessionId, Supervisor, SupervisorError, Transport,
+};
 use cardan_scenario::{Scenario, print_scenario};
 use clap::Args;
 
@@ -58,7 +60,11 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
         .app
         .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
         .map_err(Failure::input)?;
-    if args.in_process { in_threads(args, &setup, session, output) } else { in_processes(args, &session, output) }
+    if args.in_process {
+        in_threads(args, &setup, session, output)
+    } else {
+        in_processes(args, &session, output)
+    }
 }
 
 fn in_processes(args: &CompareArgs, session: &SessionId, output: Output) -> Done {
@@ -69,14 +75,24 @@ fn in_processes(args: &CompareArgs, session: &SessionId, output: Output) -> Done
     let finished = Supervisor::start(session, participants.into())
         .and_then(Supervisor::wait)
         .map_err(ended_early)?;
-    let diff = finished.into_iter().find(|finished| finished.role == Role::Diff);
-    let Some(Finished { code, stdout, stderr, .. }) = diff else {
+    let diff = finished
+        .into_iter()
+        .find(|finished| finished.role == Role::Diff);
+    let Some(Finished {
+        code,
+        stdout,
+        stderr,
+        ..
+    }) = diff
+    else {
         return Err(Failure::participant("participant 'diff' left no result"));
     };
     // A closed pipe is the reader's choice, not an error.
     let _ = std::io::stderr().write_all(stderr.as_bytes());
     let _ = std::io::stdout().write_all(&stdout);
-    Ok(ExitCode::from(u8::try_from(code).unwrap_or(code::PARTICIPANT)))
+    Ok(ExitCode::from(
+        u8::try_from(code).unwrap_or(code::PARTICIPANT),
+    ))
 }
 
 fn participant(
@@ -93,7 +109,11 @@ fn participant(
         Role::Golden => "golden",
         Role::Diff => "diff",
     });
-    command.arg("--session").arg(session.as_str()).arg("--quiet").stdout(Stdio::null());
+    command
+        .arg("--session")
+        .arg(session.as_str())
+        .arg("--quiet")
+        .stdout(Stdio::null());
     match role {
         Role::Native | Role::Golden => {
             command.arg("--app").arg(&args.run.app);
@@ -112,7 +132,10 @@ fn participant(
         if output.is_json() {
             participant.command.arg("--json");
         }
-        for (name, path) in [("--report", &args.extras.report), ("--dump", &args.extras.dump)] {
+        for (name, path) in [
+            ("--report", &args.extras.report),
+            ("--dump", &args.extras.dump),
+        ] {
             if let Some(path) = path {
                 participant.command.arg(name).arg(path);
             }
@@ -126,18 +149,23 @@ fn participant(
 /// A participant that refuses its input is bad input; any other end is exit 3 with its name.
 fn ended_early(error: SupervisorError) -> Failure {
     match &error {
-        SupervisorError::ParticipantDied { how: Ending::Exit(exit), .. }
-            if *exit == i32::from(code::INPUT) =>
-        {
-            Failure::input(error)
-        }
+        SupervisorError::ParticipantDied {
+            how: Ending::Exit(exit),
+            ..
+        } if *exit == i32::from(code::INPUT) => Failure::input(error),
         _ => Failure::participant(error),
     }
 }
 
 fn in_threads(args: &CompareArgs, setup: &Setup, session: SessionId, output: Output) -> Done {
     let join = |role: Role| {
-        join(role, session.clone(), setup.formats_hash, Transport::InProcess, JOIN_TIMEOUT)
+        join(
+            role,
+            session.clone(),
+            setup.formats_hash,
+            Transport::InProcess,
+            JOIN_TIMEOUT,
+        )
     };
     let collected = thread::scope(|scope| {
         let emulated = scope.spawn(|| emulated::run(join(Role::Emulated)?, setup));
@@ -145,11 +173,17 @@ fn in_threads(args: &CompareArgs, setup: &Setup, session: SessionId, output: Out
             scope.spawn(|| native::run(join(Role::Native)?, setup.app, setup.formats.as_deref()));
         let golden = scope.spawn(|| golden::run(join(Role::Golden)?, setup.app));
         let collected = join(Role::Diff).and_then(diff::collect);
-        for (name, thread) in [("emulated", emulated), ("native", native), ("golden", golden)] {
+        for (name, thread) in [
+            ("emulated", emulated),
+            ("native", native),
+            ("golden", golden),
+        ] {
             match thread.join() {
                 Ok(done) => done?,
                 Err(_) => {
-                    return Err(Failure::participant(format!("participant '{name}' panicked")));
+                    return Err(Failure::participant(format!(
+                        "participant '{name}' panicked"
+                    )));
                 }
             }
         }

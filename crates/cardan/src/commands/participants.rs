@@ -66,7 +66,10 @@ impl ModelArgs {
 pub(crate) fn emulate(args: &EmulateArgs, output: Output) -> Done {
     let setup = args.run.resolve()?;
     let session = args.join.join(Role::Emulated, setup.formats_hash)?;
-    output.note(&format!("emulating {} for {} s", setup.scenario.name, setup.seconds));
+    output.note(&format!(
+        "emulating {} for {} s",
+        setup.scenario.name, setup.seconds
+    ));
     emulated::run(session, &setup)?;
     Ok(ExitCode::SUCCESS)
 }

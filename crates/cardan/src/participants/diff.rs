@@ -40,17 +40,38 @@ pub(crate) fn collect(session: Session) -> Result<Collected, Failure> {
     let mut native_blobs = session.blob_reader(Role::Native).map_err(lost)?;
     let configuration = configuration(&mut emulated_blobs)?;
     let conversions = conversions(&session)?;
-    let truths = session.reader(Role::Emulated, Truth).map_err(lost)?.collect().map_err(lost)?;
+    let truths = session
+        .reader(Role::Emulated, Truth)
+        .map_err(lost)?
+        .collect()
+        .map_err(lost)?;
     let emulated = words(&session, Role::Emulated)?;
     let emulated_frames = frames(&session, Role::Emulated)?;
     let emulated_summary = summary(&mut emulated_blobs, "emulated")?;
     let native = words(&session, Role::Native)?;
     let native_frames = frames(&session, Role::Native)?;
-    let real = reals(session.reader(Role::Native, RealNodes).map_err(lost)?.collect().map_err(lost)?);
+    let real = reals(
+        session
+            .reader(Role::Native, RealNodes)
+            .map_err(lost)?
+            .collect()
+            .map_err(lost)?,
+    );
     let native_summary = summary(&mut native_blobs, "native")?;
-    let golden = reals(session.reader(Role::Golden, RealNodes).map_err(lost)?.collect().map_err(lost)?);
-    let golden_ideal =
-        reals(session.reader(Role::Golden, IdealNodes).map_err(lost)?.collect().map_err(lost)?);
+    let golden = reals(
+        session
+            .reader(Role::Golden, RealNodes)
+            .map_err(lost)?
+            .collect()
+            .map_err(lost)?,
+    );
+    let golden_ideal = reals(
+        session
+            .reader(Role::Golden, IdealNodes)
+            .map_err(lost)?
+            .collect()
+            .map_err(lost)?,
+    );
     let counters = session.close().map_err(lost)?;
     Ok(Collected {
         configuration,
@@ -72,10 +93,17 @@ pub(crate) fn collect(session: Session) -> Result<Collected, Failure> {
 }
 
 fn words(session: &Session, role: Role) -> Result<Streams<i64>, Failure> {
-    let records = session.reader(role, Nodes).map_err(lost)?.collect().map_err(lost)?;
+    let records = session
+        .reader(role, Nodes)
+        .map_err(lost)?
+        .collect()
+        .map_err(lost)?;
     let mut streams = Streams::new();
     for NodeWord { value, node, .. } in records {
-        streams.entry(usize::from(node)).or_insert_with(Vec::new).push(value);
+        streams
+            .entry(usize::from(node))
+            .or_insert_with(Vec::new)
+            .push(value);
     }
     Ok(streams)
 }
@@ -83,13 +111,20 @@ fn words(session: &Session, role: Role) -> Result<Streams<i64>, Failure> {
 fn reals(records: Vec<NodeReal>) -> Streams<f64> {
     let mut streams = Streams::new();
     for NodeReal { value, node, .. } in records {
-        streams.entry(usize::from(node)).or_insert_with(Vec::new).push(value);
+        streams
+            .entry(usize::from(node))
+            .or_insert_with(Vec::new)
+            .push(value);
     }
     streams
 }
 
 fn frames(session: &Session, role: Role) -> Result<Vec<Vec<u8>>, Failure> {
-    let records = session.reader(role, Frames).map_err(lost)?.collect().map_err(lost)?;
+    let records = session
+        .reader(role, Frames)
+        .map_err(lost)?
+        .collect()
+        .map_err(lost)?;
     Ok(records.iter().map(|frame| frame.bytes().to_vec()).collect())
 }
 

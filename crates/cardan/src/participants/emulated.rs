@@ -25,7 +25,11 @@ impl Sink for Publisher {
     }
 
     fn word(&mut self, node: usize, value: i64, cycle: u64) -> Result<(), SinkError> {
-        Ok(self.nodes.push(NodeWord { cycle, value, node: node_index(node)? })?)
+        Ok(self.nodes.push(NodeWord {
+            cycle,
+            value,
+            node: node_index(node)?,
+        })?)
     }
 
     fn frame(&mut self, cycle: u64, bytes: &[u8]) -> Result<(), SinkError> {
@@ -34,7 +38,12 @@ impl Sink for Publisher {
 
     fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
         let [yaw_rad, pitch_rad, roll_rad] = truth.yaw_pitch_roll_rad.unwrap_or([f64::NAN; 3]);
-        let sample = TruthSample { time_s: truth.time_s, roll_rad, pitch_rad, yaw_rad };
+        let sample = TruthSample {
+            time_s: truth.time_s,
+            roll_rad,
+            pitch_rad,
+            yaw_rad,
+        };
         Ok(self.truths.push(sample)?)
     }
 }
@@ -54,8 +63,15 @@ pub(crate) fn run(session: Session, setup: &Setup) -> Result<(), Failure> {
         frames: session.writer(Frames).map_err(lost)?,
         truths: session.writer(Truths).map_err(lost)?,
     };
-    let summary = engine.run(&mut std::iter::empty(), &mut publisher).map_err(engine_failure)?;
-    let Publisher { conversions, nodes, frames, truths } = publisher;
+    let summary = engine
+        .run(&mut std::iter::empty(), &mut publisher)
+        .map_err(engine_failure)?;
+    let Publisher {
+        conversions,
+        nodes,
+        frames,
+        truths,
+    } = publisher;
     conversions.finish().map_err(lost)?;
     nodes.finish().map_err(lost)?;
     frames.finish().map_err(lost)?;

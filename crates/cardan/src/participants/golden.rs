@@ -13,7 +13,11 @@ struct Ideals(Writer<IdealNodes>);
 
 impl Sink for Ideals {
     fn real(&mut self, node: usize, value: f64, cycle: u64) -> Result<(), SinkError> {
-        Ok(self.0.push(NodeReal { cycle, value, node: node_index(node)? })?)
+        Ok(self.0.push(NodeReal {
+            cycle,
+            value,
+            node: node_index(node)?,
+        })?)
     }
 }
 
@@ -33,6 +37,10 @@ pub(crate) fn run(session: Session, app: &'static dyn App) -> Result<(), Failure
         .map_err(engine_failure)?;
     ideals.0.finish().map_err(lost)?;
     // Golden publishes no blobs; its stream of them ends at once.
-    session.blob_writer().map_err(lost)?.finish().map_err(lost)?;
+    session
+        .blob_writer()
+        .map_err(lost)?
+        .finish()
+        .map_err(lost)?;
     session.close().map(drop).map_err(lost)
 }

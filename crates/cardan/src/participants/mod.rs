@@ -37,7 +37,9 @@ impl JoinOptions {
     pub(crate) fn join(&self, role: Role, formats_hash: u64) -> Result<Session, Failure> {
         let timeout = Duration::try_from_secs_f64(self.join_timeout).map_err(|_| {
             let given = self.join_timeout;
-            Failure::input(format!("--join-timeout {given}: expected seconds, at least 0"))
+            Failure::input(format!(
+                "--join-timeout {given}: expected seconds, at least 0"
+            ))
         })?;
         let session: SessionId = self.session.parse().map_err(Failure::input)?;
         join(role, session, formats_hash, Transport::Processes, timeout)
@@ -51,7 +53,12 @@ pub(crate) fn join(
     transport: Transport,
     join_timeout: Duration,
 ) -> Result<Session, Failure> {
-    let options = Options { transport, format_hash, join_timeout, ..Options::new(role, session) };
+    let options = Options {
+        transport,
+        format_hash,
+        join_timeout,
+        ..Options::new(role, session)
+    };
     Session::join(options).map_err(lost)
 }
 
@@ -64,14 +71,21 @@ pub(crate) fn lost(error: LinkError) -> Failure {
 fn configuration(blobs: &mut BlobReader) -> Result<Configuration, Failure> {
     let bytes = blobs.expect(CONFIGURATION).map_err(lost)?;
     serde_json::from_slice(&bytes).map_err(|error| {
-        Failure::participant(format!("'emulated' sent an unreadable configuration: {error}"))
+        Failure::participant(format!(
+            "'emulated' sent an unreadable configuration: {error}"
+        ))
     })
 }
 
 /// All conversions of the run.
 fn conversions(session: &Session) -> Result<Vec<Conversion>, Failure> {
     let reader = session.reader(Role::Emulated, Conversions).map_err(lost)?;
-    Ok(reader.collect().map_err(lost)?.iter().map(from_link).collect())
+    Ok(reader
+        .collect()
+        .map_err(lost)?
+        .iter()
+        .map(from_link)
+        .collect())
 }
 
 fn from_link(record: &cardan_link::Conversion) -> Conversion {
@@ -102,9 +116,7 @@ fn to_link(conversion: &Conversion) -> cardan_link::Conversion {
 }
 
 /// Feeds an engine from what was received.
-fn feed(
-    conversions: &[Conversion],
-) -> impl Iterator<Item = Result<Conversion, SinkError>> + '_ {
+fn feed(conversions: &[Conversion]) -> impl Iterator<Item = Result<Conversion, SinkError>> + '_ {
     conversions.iter().copied().map(Ok)
 }
 

@@ -16,7 +16,11 @@ struct Words {
 
 impl Sink for Words {
     fn word(&mut self, node: usize, value: i64, cycle: u64) -> Result<(), SinkError> {
-        Ok(self.nodes.push(NodeWord { cycle, value, node: node_index(node)? })?)
+        Ok(self.nodes.push(NodeWord {
+            cycle,
+            value,
+            node: node_index(node)?,
+        })?)
     }
 
     fn frame(&mut self, cycle: u64, bytes: &[u8]) -> Result<(), SinkError> {
@@ -26,8 +30,13 @@ impl Sink for Words {
 
 /// A frame as a record.
 pub(super) fn frame(cycle: u64, bytes: &[u8]) -> Result<cardan_link::Frame, SinkError> {
-    cardan_link::Frame::new(cycle, bytes)
-        .ok_or_else(|| format!("a frame of {} bytes is longer than the link carries", bytes.len()).into())
+    cardan_link::Frame::new(cycle, bytes).ok_or_else(|| {
+        format!(
+            "a frame of {} bytes is longer than the link carries",
+            bytes.len()
+        )
+        .into()
+    })
 }
 
 /// Publishes real values.
@@ -35,7 +44,11 @@ pub(super) struct Reals(pub(super) Writer<RealNodes>);
 
 impl Sink for Reals {
     fn real(&mut self, node: usize, value: f64, cycle: u64) -> Result<(), SinkError> {
-        Ok(self.0.push(NodeReal { cycle, value, node: node_index(node)? })?)
+        Ok(self.0.push(NodeReal {
+            cycle,
+            value,
+            node: node_index(node)?,
+        })?)
     }
 }
 
@@ -52,14 +65,22 @@ pub(crate) fn run(
         nodes: session.writer(Nodes).map_err(lost)?,
         frames: session.writer(Frames).map_err(lost)?,
     };
-    let mut engine = app.native(&configuration, formats).map_err(Failure::input)?;
-    let summary = engine.run(&mut feed(&conversions), &mut words).map_err(engine_failure)?;
+    let mut engine = app
+        .native(&configuration, formats)
+        .map_err(Failure::input)?;
+    let summary = engine
+        .run(&mut feed(&conversions), &mut words)
+        .map_err(engine_failure)?;
     words.nodes.finish().map_err(lost)?;
     words.frames.finish().map_err(lost)?;
 
     let mut reals = Reals(session.writer(RealNodes).map_err(lost)?);
-    let mut engine = app.real(&configuration, 0, formats).map_err(Failure::input)?;
-    engine.run(&mut feed(&conversions), &mut reals).map_err(engine_failure)?;
+    let mut engine = app
+        .real(&configuration, 0, formats)
+        .map_err(Failure::input)?;
+    engine
+        .run(&mut feed(&conversions), &mut reals)
+        .map_err(engine_failure)?;
     reals.0.finish().map_err(lost)?;
 
     let mut blobs = session.blob_writer().map_err(lost)?;

@@ -1,0 +1,306 @@
+//! `compare` as a user runs it: result, determinism, bad inputs, killed participants.
+
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Stdio};
+use std::thread::sleep;
+use std::time::{Duration, Instant};
+
+use cardan_tests::{cardan, root, run, stderr};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+use serde_json::Value;
+
+/// A run of 13 solutions.
+const SHORT: [&str; 4] = ["compare", "--quiet", "--seconds", "0.2"];
+
+fn document(arguments: &[&str]) -> Value {
+    let output = run(arguments);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    serde_json::from_slice(&output.stdout).expect("one JSON document")
+}
+
+fn without_host_times(mut document: Value) -> Value {
+    document["emulator"]["realtime_factor"] = Value::Null;
+    document["reproduce"] = Value::Null;
+    document
+}
+
+#[test]
+fn the_main_job_passes_with_a_thousand_solutions_and_every_bit_equal() {
+    let document = document(&["compare", "--json", "--quiet"]);
+    assert_eq!(document["verdict"], "pass");
+    assert!(document["seconds"].as_f64().expect("a number") >= 10.0);
+    let nodes = document["nodes"].as_array().expect("an array");
+    assert!(nodes.len() > 20);
+    for node in nodes {
+        let bits = &node["native_vs_emulated"];
+        assert_eq!(bits["mismatches"], 0, "{}", node["name"]);
+        assert!(
+            bits["compared"].as_u64().expect("a count") >= 1000,
+            "{}",
+            node["name"]
+        );
+    }
+    assert_eq!(document["error_budget"]["compiled"], 0.0);
+    assert_eq!(document["link"]["lost"], 0);
+}
+
+#[test]
+fn without_noise_the_attitude_is_right_to_0_3_degrees() {
+    let document = document(&["compare", "--json", "--quiet", "--scenario", "tumble-quiet"]);
+    let rms = document["attitude"]["total"]["rms_deg"]
+        .as_f64()
+        .expect("a number");
+    assert!(rms < 0.3, "{rms} degrees");
+}
+
+#[test]
+fn the_same_seed_gives_the_same_document_and_another_seed_another() {
+    let run = |seed: &str| {
+        without_host_times(document(
+            &[&SHORT[..], &["--json", "--seed", seed]].concat(),
+        ))
+    };
+    let one = run("1");
+    assert_eq!(one, run("1"));
+    assert_ne!(one, run("2"));
+    let threads = document(&[&SHORT[..], &["--json", "--in-process"]].concat());
+    assert_eq!(one, without_host_times(threads));
+}
+
+#[test]
+fn two_sessions_side_by_side_do_not_meet() {
+    let start = |session: &str, seed: &str| {
+        Command::new(cardan())
+            .args(SHORT)
+            .args(["--json", "--session", session, "--seed", seed])
+            .stdout(Stdio::piped())
+            .spawn()
+            .expect("starts")
+    };
+    let children = [start("side-a", "1"), start("side-b", "2")];
+    let results = children.map(|child| {
+        let output = child.wait_with_output().expect("ends");
+        assert_eq!(output.status.code(), Some(0));
+        serde_json::from_slice::<Value>(&output.stdout).expect("JSON")
+    });
+    assert_eq!(
+        (&results[0]["session"], &results[0]["seed"]),
+        (&"side-a".into(), &1.into())
+    );
+    assert_eq!(
+        (&results[1]["session"], &results[1]["seed"]),
+        (&"side-b".into(), &2.into())
+    );
+}
+
+/// Asserts exit 2 and that standard error holds all of `expected`, without a panic.
+fn refused(arguments: &[&str], expected: &[&str]) {
+    let output = run(arguments);
+    let text = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{arguments:?}: {text}");
+    assert!(!text.contains("panicked"), "{arguments:?}: {text}");
+    for part in expected {
+        assert!(
+            text.contains(part),
+            "{arguments:?}: {part:?} is not in: {text}"
+        );
+    }
+    assert!(output.stdout.is_empty(), "{arguments:?} wrote a result");
+}
+
+#[test]
+fn bad_durations_and_names_are_refused() {
+    for seconds in ["0", "-1", "nan", "inf", "1e7", "ten", "0.01"] {
+        refused(&["compare", "--seconds", seconds], &["seconds"]);
+    }
+    refused(&["compare", "--scenario", "tumbel"], &["tumbel", "tumble"]);
+    refused(&["compare", "--app", "inertia"], &["inertia", "attitude"]);
+    refused(&["compare", "--session", "a/b"], &["a/b"]);
+    refused(&["compare", "--seed", "-1"], &["--seed"]);
+    refused(&["compare", "--no-such-option"], &["--no-such-option"]);
+}
+
+#[test]
+fn bad_images_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("image.elf");
+    let name = file.to_str().expect("a name");
+    refused(
+        &["compare", "--firmware", "/no/such.elf"],
+        &["/no/such.elf"],
+    );
+    let good =
+        fs::read(root().join("firmware/boards/atmega328p/images/tapped.elf")).expect("there");
+    let mut random = vec![0; 4096];
+    ChaCha8Rng::seed_from_u64(1).fill_bytes(&mut random);
+    let host = fs::read(std::env::current_exe().expect("this test")).expect("an ELF of this host");
+    for bad in [
+        &[][..],
+        &good[..100],
+        &good[..good.len() / 2],
+        &random,
+        &host,
+    ] {
+        fs::write(&file, bad).expect("writes");
+        refused(&["compare", "--firmware", name], &["image.elf"]);
+    }
+}
+
+#[test]
+fn bad_scenarios_are_refused_with_key_and_place() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("scenario.toml");
+    let name = file.to_str().expect("a name");
+    for (text, expected) in [
+        ("secnds = 3\n", ["scenario.toml", "seconds"]),
+        ("seconds = \n", ["scenario.toml", "1"]),
+        ("[sensors.magnetometer]\nq = -3.0\n", ["scenario.toml", "q"]),
+    ] {
+        fs::write(&file, text).expect("writes");
+        refused(&["compare", "--scenario", name], &expected);
+    }
+}
+
+#[test]
+fn bad_recordings_are_refused_with_line_and_column() {
+    const HEADER: &str = "t_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2,mag_x_uT,mag_y_uT,mag_z_uT\n";
+    let row = |t: &str, x: &str| format!("{t},{x},0,9.81,20,0,-40\n");
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("motion.csv");
+    let name = file.to_str().expect("a name");
+    let rows = |rows: &[String]| HEADER.to_owned() + &rows.concat();
+    let cases = [
+        (String::new(), vec!["motion.csv"]),
+        (HEADER.replace("mag_y_uT,", ""), vec!["mag_y_uT"]),
+        (
+            rows(&[row("0", "0"), row("0.1", "abc")]),
+            vec!["3", "acc_x_m_s2"],
+        ),
+        (
+            rows(&[row("0", "0"), row("0.1", "nan")]),
+            vec!["3", "acc_x_m_s2"],
+        ),
+        (
+            rows(&[row("0", "0"), row("0.1", "inf")]),
+            vec!["3", "acc_x_m_s2"],
+        ),
+        (rows(&[row("0", "0"), row("0", "0")]), vec!["3", "t_s"]),
+    ];
+    for (text, expected) in cases {
+        fs::write(&file, text).expect("writes");
+        refused(&["compare", "--recording", name], &expected);
+    }
+}
+
+#[test]
+fn bad_wordlengths_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("w.toml");
+    let name = file.to_str().expect("a name");
+    let good = fs::read_to_string(root().join("firmware/wordlengths.toml")).expect("committed");
+    fs::write(&file, good.replacen("word = 16", "word = 65", 1)).expect("writes");
+    refused(&["compare", "--wordlengths", name], &["w.toml", "65"]);
+    fs::write(
+        &file,
+        good.replacen("name = \"tilt_x\"", "name = \"tilt_u\"", 1),
+    )
+    .expect("writes");
+    refused(&["compare", "--wordlengths", name], &["tilt_u"]);
+}
+
+/// Child processes of `parent` by the verb that they run.
+fn child(parent: u32, verb: &str) -> Option<u32> {
+    let children = fs::read_to_string(format!("/proc/{parent}/task/{parent}/children")).ok()?;
+    children
+        .split_whitespace()
+        .filter_map(|pid| pid.parse().ok())
+        .find(|pid: &u32| {
+            let line = fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+            line.split(|&byte| byte == 0).nth(1) == Some(verb.as_bytes())
+        })
+}
+
+/// What is left of a session in shared memory and in iceoryx2's folder.
+fn left_behind(before: &[String]) -> Vec<String> {
+    listing()
+        .into_iter()
+        .filter(|name| !before.contains(name))
+        .collect()
+}
+
+fn listing() -> Vec<String> {
+    let mut names = Vec::new();
+    let mut folders = vec![
+        Path::new("/dev/shm").to_path_buf(),
+        std::env::temp_dir().join("iceoryx2"),
+    ];
+    while let Some(folder) = folders.pop() {
+        for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
+            let path = entry.path();
+            let name = path.display().to_string();
+            if path.is_dir() {
+                folders.push(path);
+            } else if name.contains("iox2") && !name.ends_with(".global_mgmt") {
+                names.push(name);
+            }
+        }
+    }
+    names
+}
+
+#[test]
+fn a_killed_participant_ends_the_run_with_its_name_and_leaves_nothing() {
+    let mut random = ChaCha8Rng::seed_from_u64(3);
+    let roles = [
+        ("emulate", "emulated"),
+        ("native", "native"),
+        ("golden", "golden"),
+        ("diff", "diff"),
+    ];
+    for round in 0..20 {
+        let (verb, name) = roles[round % roles.len()];
+        let before = listing();
+        let run = Command::new(cardan())
+            .args(["compare", "--quiet", "--seconds", "300"])
+            .stdout(Stdio::null())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("starts");
+        let parent = run.id();
+        let victim = loop {
+            if let Some(pid) = child(parent, verb) {
+                break pid;
+            }
+            sleep(Duration::from_millis(1));
+        };
+        sleep(Duration::from_millis(random.next_u64() % 1500));
+        let killed = Instant::now();
+        let status = Command::new("kill")
+            .args(["-9", &victim.to_string()])
+            .status();
+        assert!(status.expect("kill runs").success());
+        let output = run.wait_with_output().expect("ends");
+        let took = killed.elapsed();
+        let text = stderr(&output);
+        assert_eq!(
+            output.status.code(),
+            Some(3),
+            "round {round}, {name}: {text}"
+        );
+        assert!(
+            text.contains(&format!("'{name}'")),
+            "round {round}, {name}: {text}"
+        );
+        assert!(
+            took < Duration::from_secs(2),
+            "round {round}, {name}: {took:?} (contract: 2 s)"
+        );
+        assert_eq!(
+            left_behind(&before),
+            Vec::<String>::new(),
+            "round {round}, {name}"
+        );
+    }
+}

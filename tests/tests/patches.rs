@@ -1,0 +1,179 @@
+//! Faults in the compiled image alone are caught: constants and instruction bits are patched one at
+//! a time, and whatever changes an output fails the comparison and is named.
+
+use std::fs;
+
+use cardan_tests::{root, run, stderr};
+use object::{Object, ObjectSection, ObjectSymbol};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
+use serde_json::Value;
+
+/// Patches of each kind.
+const PATCHES: usize = 20;
+/// Simulated seconds: 113 solutions, which exercise every node.
+const SECONDS: &str = "1";
+/// Seed of the choice of places.
+const SEED: u64 = 20_261_122;
+
+/// The bundled image with its code's place in the file.
+struct Image {
+    bytes: Vec<u8>,
+    /// File offset of flash address 0.
+    start: usize,
+    /// Flash addresses of the words that belong to the product's own functions.
+    code: Vec<usize>,
+}
+
+impl Image {
+    fn bundled() -> Self {
+        let path = root().join("firmware/boards/atmega328p/images/tapped.elf");
+        let bytes = fs::read(path).expect("the image is committed");
+        let elf = object::File::parse(&*bytes).expect("ELF");
+        let text = elf.section_by_name(".text").expect(".text");
+        let (start, _) = text.file_range().expect("has bytes");
+        let mut code = Vec::new();
+        for symbol in elf.symbols() {
+            let name = symbol.name().unwrap_or_default();
+            let of_the_product = name.contains("cardan") || name.starts_with("__vector_");
+            if of_the_product && symbol.kind() == object::SymbolKind::Text && symbol.size() > 0 {
+                let first = (symbol.address() - text.address()) as usize;
+                code.extend((first..first + symbol.size() as usize).step_by(2));
+            }
+        }
+        code.sort_unstable();
+        code.dedup();
+        let start = start as usize;
+        Self { bytes, start, code }
+    }
+
+    fn word(&self, address: usize) -> u16 {
+        let at = self.start + address;
+        u16::from_le_bytes([self.bytes[at], self.bytes[at + 1]])
+    }
+
+    fn with_word(&self, address: usize, word: u16) -> Vec<u8> {
+        let mut bytes = self.bytes.clone();
+        bytes[self.start + address..][..2].copy_from_slice(&word.to_le_bytes());
+        bytes
+    }
+}
+
+/// One patched word.
+struct Patch {
+    address: usize,
+    before: u16,
+    after: u16,
+}
+
+fn patches(image: &Image) -> Vec<Patch> {
+    let mut random = ChaCha8Rng::seed_from_u64(SEED);
+    let mut below = |limit: usize| random.next_u64() as usize % limit;
+    // LDI Rd, K: the constants of the code; one bit of K.
+    let constants: Vec<usize> = image
+        .code
+        .iter()
+        .copied()
+        .filter(|&at| image.word(at) & 0xf000 == 0xe000)
+        .collect();
+    let mut all = Vec::new();
+    for kind in [&constants, &image.code] {
+        for _ in 0..PATCHES {
+            let address = kind[below(kind.len())];
+            let before = image.word(address);
+            let bit = if std::ptr::eq(kind, &constants) {
+                [0, 1, 2, 3, 8, 9, 10, 11][below(8)]
+            } else {
+                below(16)
+            };
+            all.push(Patch {
+                address,
+                before,
+                after: before ^ 1 << bit,
+            });
+        }
+    }
+    all
+}
+
+/// What the device puts out: all but host times and the controller's own counters.
+fn outputs(document: &Value) -> Value {
+    let mut document = document.clone();
+    let object = document.as_object_mut().expect("an object");
+    for key in ["emulator", "link", "reproduce", "seconds"] {
+        object.remove(key);
+    }
+    document
+}
+
+#[test]
+fn every_patch_that_changes_an_output_is_caught_and_named() {
+    let image = Image::bundled();
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("patched.elf");
+    let compare = |bytes: &[u8]| {
+        fs::write(&file, bytes).expect("writes");
+        let file = file.to_str().expect("a name");
+        let output = run(&[
+            "compare",
+            "--in-process",
+            "--json",
+            "--quiet",
+            "--seconds",
+            SECONDS,
+            "--firmware",
+            file,
+        ]);
+        let document: Value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
+        (output.status.code(), document, stderr(&output))
+    };
+    let (code, baseline, errors) = compare(&image.bytes);
+    assert_eq!(code, Some(0), "the unpatched image passes: {errors}");
+    let (mut caught, mut silent) = (0, Vec::new());
+    for patch in patches(&image) {
+        let Patch {
+            address,
+            before,
+            after,
+        } = patch;
+        let place = format!("{address:#06x}: {before:04x} -> {after:04x}");
+        let (code, document, errors) = compare(&image.with_word(address, after));
+        match code {
+            Some(0) => {
+                assert_eq!(
+                    outputs(&document),
+                    outputs(&baseline),
+                    "{place} changed an output"
+                );
+                silent.push(place);
+            }
+            Some(1) => {
+                let reasons = document["reasons"].to_string();
+                let named = ["node ", "frame", "conversion", "schedule", "deadline"];
+                assert!(
+                    named.iter().any(|name| reasons.contains(name)),
+                    "{place}: {reasons}"
+                );
+                println!("caught {place}: {}", document["reasons"][0]);
+                caught += 1;
+            }
+            Some(3 | 4) => {
+                println!(
+                    "caught {place}: {}",
+                    errors.lines().last().unwrap_or_default()
+                );
+                caught += 1;
+            }
+            other => panic!("{place}: exit {other:?}: {errors}"),
+        }
+    }
+    println!(
+        "{caught} of {} patches caught; these change nothing:",
+        2 * PATCHES
+    );
+    for place in &silent {
+        println!("  {place}");
+    }
+    assert_eq!(caught + silent.len(), 2 * PATCHES);
+    assert!(caught >= PATCHES / 2, "most code matters: {caught} caught");
+}
