@@ -54,6 +54,10 @@ impl Machine {
             self.sync_timer(number, at, env);
             return self.timers[number].read(register);
         }
+        if self.is_powered_down(address) {
+            self.report(address, ReportKind::PoweredDown);
+            return 0;
+        }
         match address {
             io::PINB..=io::PORTD => self.read_port(address, at, env),
             io::GPIOR0 => self.system.gpior[0],
@@ -115,6 +119,10 @@ impl Machine {
             self.write_timer(number, register, value, edge, env);
             return;
         }
+        if self.is_powered_down(address) {
+            self.report(address, ReportKind::PoweredDown);
+            return;
+        }
         match address {
             io::PINB..=io::PORTD => self.write_port(address, value, edge, env),
             io::GPIOR0 => {
@@ -174,6 +182,17 @@ impl Machine {
             io::UCSR0A..=io::UDR0 => self.write_usart(address, value, edge, env),
             _ => self.write_unmodelled(address, value),
         }
+    }
+
+    /// Whether the register belongs to a serial module that PRR has switched off.
+    fn is_powered_down(&self, address: u16) -> bool {
+        let module = match address {
+            io::UCSR0A..=io::UDR0 => power::USART,
+            io::SPCR..=io::SPDR => power::SPI,
+            io::TWBR..=io::TWAMR => power::TWI,
+            _ => return false,
+        };
+        self.system.is_off(module)
     }
 
     /// Notes an odd access once per place.

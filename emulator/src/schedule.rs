@@ -153,11 +153,16 @@ impl Machine {
         if std::mem::take(&mut self.one_more) && self.interrupts.any() {
             return self.core.cycle + 1;
         }
-        self.schedule.next().min(until)
+        let held = self.system.interrupts_held_until();
+        let limit = if held > self.core.cycle { held } else { until };
+        self.schedule.next().min(until).min(limit)
     }
 
     fn may_interrupt(&self) -> bool {
-        self.interrupts.any() && self.core.flags.interrupts_enabled() && !self.one_more
+        self.interrupts.any()
+            && self.core.flags.interrupts_enabled()
+            && !self.one_more
+            && self.core.cycle >= self.system.interrupts_held_until()
     }
 
     fn enter_interrupt<E: Environment>(&mut self, env: &mut E) -> Result<(), Cause> {

@@ -75,6 +75,11 @@ impl System {
         true
     }
 
+    /// Setting IVCE disables interrupts for the cycles of its window.
+    pub(crate) fn interrupts_held_until(&self) -> u64 {
+        self.vector_change_until
+    }
+
     /// MCUCR with effect at cycle `at`: bit 0 IVCE opens a window in which bit 1 IVSEL changes.
     pub(crate) fn write_mcucr(&mut self, value: u8, at: u64) {
         let is_open = at <= self.vector_change_until && self.vector_change_until > 0;

@@ -574,3 +574,54 @@ fn a_clone_is_a_snapshot_that_runs_on_alike() {
     assert_eq!(machine.statistics(), copy.statistics());
     assert_eq!((machine.data(), machine.pc()), (copy.data(), copy.pc()));
 }
+
+#[test]
+fn moving_the_vectors_holds_interrupts_for_four_cycles() {
+    // The interrupt pends when IVSEL is set; it is taken in the boot section.
+    let mut machine = program(
+        "ivsel",
+        "vector 16, wrong
+         start: set TIMSK0, 1
+         set TCNT0, 0xFF
+         set TCCR0B, 1
+         nops 4
+         ldi r20, 1
+         ldi r21, 2
+         sei
+         out _SFR_IO_ADDR(MCUCR), r20
+         out _SFR_IO_ADDR(MCUCR), r21
+         nops 8
+         break
+      wrong: mark 1
+         reti
+         .org 0x7e00 + 4 * 16
+         mark 2
+         reti",
+    );
+    let mut bench = Bench::default();
+    assert_eq!(machine.run(&mut bench, 1000), Stop::Break);
+    assert_eq!(
+        bench
+            .strobes
+            .iter()
+            .map(|strobe| strobe.1)
+            .collect::<Vec<_>>(),
+        [2]
+    );
+}
+
+#[test]
+fn registers_of_a_module_that_is_switched_off_do_not_answer() {
+    let mut machine = program(
+        "prr_usart",
+        "start: set PRR, 0x02
+         set UCSR0B, 0x18
+         lds r20, UCSR0A
+         set PRR, 0
+         lds r21, UCSR0B
+         break",
+    );
+    assert_eq!(machine.run(&mut Unconnected, 1000), Stop::Break);
+    assert_eq!((machine.registers()[20], machine.registers()[21]), (0, 0));
+    assert_eq!(machine.reports().len(), 2);
+}
