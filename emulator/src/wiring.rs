@@ -41,6 +41,9 @@ const COMPARE_PINS: [(usize, usize, usize, u8); 6] = [
     (2, 1, 2, 0x08),
 ];
 
+/// Ports that the compare outputs of each timer lie on.
+const COMPARE_PORTS: [&[usize]; 3] = [&[2], &[0], &[0, 2]];
+
 /// Pins of the serial line, both on port D.
 const RXD: u8 = 0x01;
 const TXD: u8 = 0x02;
@@ -78,10 +81,8 @@ impl Machine {
         self.schedule.set(Source::TIMERS[number], next);
         self.update_trigger(at, env);
         if self.timers[number].outputs_changed() {
-            for (timer, _, port, _) in COMPARE_PINS {
-                if timer == number {
-                    self.update_port(port, at, env);
-                }
+            for &port in COMPARE_PORTS[number] {
+                self.update_port(port, at, env);
             }
         }
     }
@@ -107,12 +108,12 @@ impl Machine {
         if port == 2 && self.usart.receives() {
             over.force_in |= RXD;
         }
-        let edges = self.ports[port].update(over, at);
+        let (edges, touched) = self.ports[port].update(over, at);
         let level = self.ports[port].level();
         for bit in (0..8).filter(|bit| edges >> bit & 1 != 0) {
             env.pin_edge(at, Pin::at(port, bit), level >> bit & 1 != 0);
         }
-        if self.external.watched()[port] != 0 {
+        if self.external.watched()[port] & touched != 0 {
             self.look_at_pins(at, env);
         }
     }

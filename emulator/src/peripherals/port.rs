@@ -36,6 +36,8 @@ pub(crate) struct Port {
     /// `driven` and `level` before cycle `changed`.
     before: (u8, u8),
     changed: u64,
+    /// PORT as of the last update: the pull-ups.
+    pulled: u8,
     /// Last level reported per pin.
     reported: u8,
 }
@@ -50,11 +52,14 @@ impl Port {
     }
 
     /// Works out the output stage from registers and overrides, at cycle `at`. Returns the pins
-    /// whose driven level differs from the last one reported.
-    pub(crate) fn update(&mut self, over: Override, at: u64) -> u8 {
+    /// whose driven level differs from the last one reported, and those whose level may differ in
+    /// any way (driven or pulled).
+    pub(crate) fn update(&mut self, over: Override, at: u64) -> (u8, u8) {
         let driven = (self.ddr | over.force_out) & !over.force_in;
         let value = self.port & !over.value_mask | over.value & over.value_mask;
         let level = value & driven;
+        let touched = (driven ^ self.driven) | (level ^ self.level) | (self.port ^ self.pulled);
+        self.pulled = self.port;
         if (driven, level) != (self.driven, self.level) {
             if at != self.changed {
                 self.before = (self.driven, self.level);
@@ -64,7 +69,7 @@ impl Port {
         }
         let edges = (self.level ^ self.reported) & self.driven;
         self.reported ^= edges;
-        edges
+        (edges, touched)
     }
 
     /// Pins the chip drives and their levels during cycle `at`.

@@ -93,6 +93,24 @@ proptest! {
     }
 }
 
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 24, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_timer_left_alone_for_long_ends_where_small_steps_end(
+        timer in any_timer(), cycles in 9_000_000u64..10_000_000,
+    ) {
+        let prescaler = Prescaler::default();
+        let (mut jump, mut walk) = (timer.clone(), timer);
+        jump.advance(cycles, &prescaler);
+        for at in (0..cycles).step_by(100_003) {
+            walk.advance(at, &prescaler);
+        }
+        walk.advance(cycles, &prescaler);
+        prop_assert_eq!(visible(&mut jump), visible(&mut walk));
+    }
+}
+
 /// Cycles (at clk/1) at which `event` is newly true, within the first `cycles`.
 fn times(mut timer: Timer, cycles: u64, mut event: impl FnMut(&mut Timer) -> bool) -> Vec<u64> {
     let prescaler = Prescaler::default();
