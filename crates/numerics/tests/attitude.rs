@@ -14,6 +14,8 @@ use cardan_spec::timing::{AVERAGING, WARM_UP_SOLUTIONS};
 use cardan_spec::{CHANNELS, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G, flags};
 use cardan_units::AdcCode;
 use proptest::prelude::*;
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
 
 /// The algorithm over a run of conversions; the status of each solution.
 struct Attitude<'a> {
@@ -178,15 +180,16 @@ impl Ideal {
         .map(|share| (share + offset) * 512.0 * AVERAGING as f64)
     }
 
-    /// Yaw, pitch and roll of every solution, in degrees.
-    fn solve(&self) -> Vec<[f64; 3]> {
+    /// Yaw, pitch and roll of every solution, in degrees. `disturb` moves the sums of a solution.
+    fn solve(&self, mut disturb: impl FnMut() -> [f64; CHANNELS]) -> Vec<[f64; 3]> {
         let m = Mixed::new(&Formats::real(NODE_COUNT), Recorder::new(NODE_COUNT));
         let calibration = Calibration::new(&m, &NOMINAL);
         let mut state = State::new(&m);
         for attitude in &self.0 {
             let sum = |real: f64| Value::<_, Accumulator>::new(Number { real, raw: None });
+            let (ideal, moved) = (Self::sums(*attitude), disturb());
             let sums = Sums {
-                sums: Self::sums(*attitude).map(sum),
+                sums: std::array::from_fn(|channel| sum(ideal[channel] + moved[channel])),
                 clipped: false,
             };
             solve(&m, &calibration, &mut state, &sums);
@@ -210,6 +213,32 @@ fn the_nominal_gains_are_the_full_scales() {
     assert_eq!([3, 4, 9, 10].map(|word| NOMINAL[word]), [0; 4]);
 }
 
+/// Largest error of yaw, pitch and roll in degrees.
+fn worst_errors(truth: &[[f64; 3]], found: &[[f64; 3]]) -> [f64; 3] {
+    let error = |at: usize, axis: usize| {
+        let difference = found[at][axis] - truth[at][axis];
+        ((difference + 540.0).rem_euclid(360.0) - 180.0).abs()
+    };
+    [0, 1, 2].map(|axis| (0..truth.len()).fold(0.0, |worst: f64, at| worst.max(error(at, axis))))
+}
+
+/// Where noise puts the two yaws on either side of half a turn, their mean is still between them.
+#[test]
+fn noise_across_half_a_turn_moves_the_real_yaw_by_no_more_than_elsewhere() {
+    let mut rng = ChaCha8Rng::seed_from_u64(5);
+    // One place of the sum, 0.007 degrees, either way.
+    let mut noise = move || [(); CHANNELS].map(|()| f64::from(rng.next_u32() % 3) - 1.0);
+    let mut worst_yaw = |yaw: f64| {
+        let attitudes = vec![[yaw, 20.0, 30.0]; 200];
+        let solved = Ideal(attitudes.clone()).solve(&mut noise);
+        worst_errors(&attitudes, &solved)[0]
+    };
+    let elsewhere = worst_yaw(135.0);
+    assert!(elsewhere > 0.001, "the noise is felt");
+    assert!(worst_yaw(180.0) < 2.0 * elsewhere + 0.01);
+    assert!(worst_yaw(-179.999) < 2.0 * elsewhere + 0.01);
+}
+
 #[test]
 fn the_real_attitude_is_the_truth_to_the_polynomials_error() {
     let mut attitudes = Vec::new();
@@ -225,14 +254,8 @@ fn the_real_attitude_is_the_truth_to_the_polynomials_error() {
             }
         }
     }
-    let solved = Ideal(attitudes.clone()).solve();
-    let mut worst = [0.0f64; 3];
-    for (truth, found) in attitudes.iter().zip(&solved) {
-        for axis in 0..3 {
-            let error = (found[axis] - truth[axis] + 540.0).rem_euclid(360.0) - 180.0;
-            worst[axis] = worst[axis].max(error.abs());
-        }
-    }
+    let solved = Ideal(attitudes.clone()).solve(|| [0.0; CHANNELS]);
+    let worst = worst_errors(&attitudes, &solved);
     // Pitch and roll are one inverse sine each, 1.4e-4 degrees; yaw averages two of them.
     for (axis, name) in ["yaw", "pitch", "roll"].iter().enumerate() {
         assert!(worst[axis] < 1.5e-4, "{name}: {:e} degrees", worst[axis]);

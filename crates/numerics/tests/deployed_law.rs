@@ -9,7 +9,7 @@ use std::marker::PhantomData;
 
 use cardan_datapath::fixed::traits::Fixed;
 use cardan_datapath::fixed::types::extra::{
-    U0, U1, U2, U3, U7, U10, U14, U16, U20, U24, U28, U30, U64,
+    U0, U1, U2, U3, U7, U10, U14, U16, U19, U20, U24, U28, U30, U64,
 };
 use cardan_datapath::fixed::{FixedI8, FixedI16, FixedI32, FixedI64};
 use cardan_datapath::{
@@ -397,4 +397,86 @@ fn values_from_outside_equal() {
         [T<1, 32, 0, FixedI32<U0>>],
         [(8, FixedI8<U0>), (13, FixedI16<U14>), (32, FixedI32<U28>)]
     );
+}
+
+/// Formats just at and beyond the widths of the intermediates.
+mod borders {
+    use super::*;
+
+    type A<const WORD: u32, C> = T<0, WORD, 0, C>;
+    type B<const WORD: u32, C> = T<1, WORD, 0, C>;
+
+    #[test]
+    fn sums_equal() {
+        every!(
+            Sums,
+            [A<30, FixedI32<U20>>, A<31, FixedI32<U20>>, A<32, FixedI32<U20>>],
+            [B<31, FixedI32<U20>>, B<32, FixedI32<U20>>],
+            [(31, FixedI32<U20>), (32, FixedI32<U19>), (31, FixedI32<U16>)]
+        );
+        every!(
+            Sums,
+            [A<61, FixedI64<U20>>, A<62, FixedI64<U20>>],
+            [B<62, FixedI64<U20>>],
+            [(62, FixedI64<U20>), (64, FixedI64<U19>), (63, FixedI64<U16>)]
+        );
+    }
+
+    #[test]
+    fn single_operands_equal() {
+        every!(
+            Singles,
+            [A<30, FixedI32<U20>>, A<31, FixedI32<U20>>, A<32, FixedI32<U20>>],
+            [B5],
+            [(31, FixedI32<U20>), (32, FixedI32<U19>), (32, FixedI32<U16>)]
+        );
+        every!(
+            Singles,
+            [A<61, FixedI64<U20>>, A<62, FixedI64<U20>>],
+            [B5],
+            [(62, FixedI64<U19>), (64, FixedI64<U16>), (63, FixedI64<U0>)]
+        );
+    }
+
+    #[test]
+    fn products_equal() {
+        every!(
+            Products,
+            [A<16, FixedI16<U14>>, A<17, FixedI32<U14>>, A<31, FixedI32<U14>>],
+            [B<1, FixedI8<U0>>, B<15, FixedI16<U10>>, B<16, FixedI16<U10>>],
+            [(32, FixedI32<U14>), (31, FixedI32<U16>), (8, FixedI8<U7>)]
+        );
+        every!(
+            Products,
+            [A<32, FixedI32<U14>>, A<63, FixedI64<U14>>],
+            [B<1, FixedI8<U0>>],
+            [(64, FixedI64<U14>), (63, FixedI64<U14>), (33, FixedI64<U10>)]
+        );
+    }
+
+    #[test]
+    fn quotients_equal() {
+        every!(
+            Quotients,
+            [A<19, FixedI32<U14>>, A<20, FixedI32<U14>>, A<51, FixedI64<U14>>],
+            [B<16, FixedI16<U10>>],
+            [(32, FixedI32<U16>), (31, FixedI32<U16>), (17, FixedI32<U16>)]
+        );
+        every!(
+            Quotients,
+            [A<31, FixedI32<U30>>],
+            [B<11, FixedI16<U0>>, B<12, FixedI16<U0>>, B<43, FixedI64<U0>>],
+            [(32, FixedI32<U10>), (11, FixedI16<U10>), (1, FixedI16<U10>)]
+        );
+    }
+
+    #[test]
+    fn square_roots_equal() {
+        every!(
+            Roots,
+            [A<31, FixedI32<U20>>, A<32, FixedI32<U20>>, A<33, FixedI64<U20>>, A<64, FixedI64<U20>>],
+            [B5],
+            [(32, FixedI32<U10>), (16, FixedI16<U10>), (17, FixedI32<U10>)]
+        );
+    }
 }
