@@ -63,7 +63,7 @@ fn solutions_in(seconds: f64) -> Result<u64, String> {
     if periods <= warm_up {
         let least = (warm_up + 1) as f64 * SOLUTION_CYCLES as f64 / CPU_HZ as f64;
         return Err(format!(
-            "{seconds} s hold no solution: the device settles for {warm_up} solution periods \
+            "{seconds} seconds hold no solution: the device settles for {warm_up} solution periods \
              first; give at least {least} s"
         ));
     }
