@@ -25,6 +25,14 @@ impl Scenario {
             MOST_SECONDS,
             &seconds_expected,
         )?;
+        let aperture = self.frontend.aperture_cycles;
+        if aperture.fract() != 0.0 {
+            return Err(range(
+                "frontend.aperture_cycles",
+                aperture,
+                "a whole number of cycles",
+            ));
+        }
         self.check_field()?;
         self.check_calibration()?;
         self.check_tolerance()?;

@@ -41,7 +41,7 @@ parameters! {
         cross_axis = 0.0, "1", -0.3 => 0.3, Assumed("corrected by calibration; 2 % is typical");
         /// White noise of the sensor itself, one-sided density, before its lags.
         noise_mg_per_rthz = 0.2, "mg/rtHz", 0.0 => 100.0,
-            Assumed("the part of [MXD]; 3.4 would give the published 1.7 degrees at system level");
+            Assumed("the part of [MXD]; the published 1.7 degrees at system level need 4.9, see scenario 'published'");
         /// Corner under which the sensor's 1/f noise exceeds its white noise.
         flicker_corner_hz = 1.0, "Hz", 0.0 => 1e3, Assumed("not published");
         /// Resistance of the bridge, whose thermal noise adds to the amplifier's.
@@ -108,7 +108,7 @@ parameters! {
         band_pass_quality = 4.0, "1", 0.3 => 100.0, Assumed("3 to 5");
         /// Largest amplitude of the band-pass's output.
         band_pass_swing_v = 2.0, "V", 1e-3 => 100.0, Assumed("5 V supply");
-        /// Time for which an edge closes its switch: the monostable's pulse.
+        /// Time for which an edge closes its switch, a whole number: the monostable's pulse.
         aperture_cycles = 16.0, "cycles", 1.0 => 1e5, Assumed("1 us, ten time constants");
         /// Resistance of a closed switch.
         switch_ohm = 1_000.0, "ohm", 1.0 => 1e6, Assumed("analog switch");

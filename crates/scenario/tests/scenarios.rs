@@ -154,6 +154,10 @@ fn every_inadmissible_number_is_told_with_key_line_and_range() {
         &["line 2", "--recording"],
     );
     check(
+        "[frontend]\naperture_cycles = 16.5\n",
+        &["line 2", "whole number"],
+    );
+    check(
         "[frontend]\ntilt_low_pass_hz = nan\n",
         &["line 2", "1 to 5000 Hz"],
     );
