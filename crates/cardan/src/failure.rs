@@ -27,12 +27,18 @@ pub(crate) struct Failure {
 impl Failure {
     /// Wrong usage or bad input.
     pub(crate) fn input(message: impl fmt::Display) -> Self {
-        Self { code: code::INPUT, message: message.to_string() }
+        Self {
+            code: code::INPUT,
+            message: message.to_string(),
+        }
     }
 
     /// A participant died, timed out or could not start.
     pub(crate) fn participant(message: impl fmt::Display) -> Self {
-        Self { code: code::PARTICIPANT, message: message.to_string() }
+        Self {
+            code: code::PARTICIPANT,
+            message: message.to_string(),
+        }
     }
 
     /// Its exit code.

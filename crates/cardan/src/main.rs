@@ -7,6 +7,7 @@ mod judge;
 mod output;
 mod participants;
 mod run_options;
+mod toolchain;
 mod verdict;
 
 use std::process::ExitCode;
@@ -18,7 +19,12 @@ use crate::output::Output;
 /// Proves fixed-point sensor firmware before silicon: golden model, native run and cycle-accurate
 /// emulation of the same algorithm, compared bit by bit.
 #[derive(Parser)]
-#[command(name = "cardan", version, propagate_version = true, arg_required_else_help = true)]
+#[command(
+    name = "cardan",
+    version,
+    propagate_version = true,
+    arg_required_else_help = true
+)]
 struct Cli {
     #[command(flatten)]
     output: output::Options,
@@ -40,6 +46,8 @@ enum Command {
     /// Take part in a session as the judge
     Diff(commands::participants::DiffArgs),
     Run(commands::run::Arguments),
+    Build(commands::build::Arguments),
+    Doctor(commands::doctor::Arguments),
 }
 
 fn main() -> ExitCode {
@@ -56,6 +64,8 @@ fn main() -> ExitCode {
         Command::Emulate(args) => commands::participants::emulate(args, output),
         Command::Diff(args) => commands::participants::diff(args, output),
         Command::Run(args) => commands::run::execute(args, output),
+        Command::Build(args) => commands::build::execute(args, output),
+        Command::Doctor(args) => commands::doctor::execute(args, output),
     };
     match done {
         Ok(code) => code,

@@ -24,7 +24,10 @@ pub(crate) struct Output {
 
 impl Output {
     pub(crate) fn new(options: &Options) -> Self {
-        Self { json: options.json, quiet: options.quiet }
+        Self {
+            json: options.json,
+            quiet: options.quiet,
+        }
     }
 
     /// True if the result is wanted as JSON.

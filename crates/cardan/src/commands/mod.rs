@@ -1,5 +1,7 @@
 //! The verbs, one file each.
 
+pub(crate) mod build;
+pub(crate) mod doctor;
 pub(crate) mod run;
 
 pub(crate) mod compare;

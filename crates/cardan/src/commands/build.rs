@@ -1,0 +1,141 @@
+//! `build`: cross-compiles the firmware, and says what it needs of the controller.
+
+mod measure;
+mod report;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use cardan_bench::App;
+use cardan_bench::app::by_name;
+use cardan_datapath::wordlengths::{self, DeclaredNode};
+use clap::Args;
+
+use self::measure::measure;
+use self::report::{Document, ImageReport, TargetReport};
+use crate::failure::{Done, Failure};
+use crate::output::Output;
+use crate::toolchain::{self, BOARDS, Board, Built};
+
+/// Cross-compiles the firmware to its targets: flash, RAM, stack and cycles of each image.
+///
+/// Both images of a target are built: plain, and tapped (which publishes every node value). Stack
+/// and cycles are measured: the image runs in the emulator while its inputs step through the whole
+/// range. Needs a cross toolchain; `cardan doctor` says which parts are missing.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    /// Application: the algorithm with its board.
+    #[arg(long, value_name = "NAME", default_value = "attitude")]
+    app: String,
+    /// Target, or `all`.
+    #[arg(long, value_name = "NAME|all", default_value = "all", value_parser = targets)]
+    target: Targets,
+    /// Formats other than those of the firmware's own word-length file.
+    #[arg(long, value_name = "FILE")]
+    wordlengths: Option<PathBuf>,
+    /// Writes plain.elf, tapped.elf and toolchain.toml (what they were built with, and from) into
+    /// this folder; with `--target all` into a folder per target.
+    #[arg(long, value_name = "DIR")]
+    out: Option<PathBuf>,
+}
+
+/// The value of `--target`.
+#[derive(Clone, Debug)]
+enum Targets {
+    All,
+    One(&'static Board),
+}
+
+fn targets(name: &str) -> Result<Targets, String> {
+    if name == "all" {
+        return Ok(Targets::All);
+    }
+    let found = BOARDS.iter().find(|board| board.name == name);
+    found.map(Targets::One).ok_or_else(|| {
+        let names: Vec<&str> = BOARDS.iter().map(|board| board.name).collect();
+        format!(
+            "no such target; expected all or one of {}",
+            names.join(", ")
+        )
+    })
+}
+
+/// Runs the command.
+pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
+    let app = by_name(&arguments.app).map_err(Failure::input)?;
+    let nodes = match &arguments.wordlengths {
+        Some(file) => Some(formats(file, app)?),
+        None => None,
+    };
+    let boards: Vec<&Board> = match arguments.target {
+        Targets::All => BOARDS.iter().collect(),
+        Targets::One(board) => vec![board],
+    };
+    let mut reports = Vec::new();
+    for board in boards {
+        let folder = arguments.out.as_ref().map(|out| match arguments.target {
+            Targets::All => out.join(board.name),
+            Targets::One(_) => out.clone(),
+        });
+        reports.push(target(board, nodes.as_deref(), folder.as_deref(), output)?);
+    }
+    let document = Document::new(reports)?;
+    if output.is_json() {
+        output.document(&document);
+    }
+    output.result(&document.to_string());
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Builds, measures and, where wanted, writes one target's images.
+fn target(
+    board: &'static Board,
+    nodes: Option<&[DeclaredNode]>,
+    folder: Option<&Path>,
+    output: Output,
+) -> Result<TargetReport, Failure> {
+    let build = |is_tapped| toolchain::build_board(board, is_tapped, nodes, output.is_quiet());
+    let (plain, tapped) = (build(false)?, build(true)?);
+    if let Some(folder) = folder {
+        write(board, folder, &plain, &tapped)?;
+    }
+    let report = |name, built: &Built| {
+        let measured = measure(&built.file.display().to_string(), &built.elf)?;
+        Ok::<_, Failure>(ImageReport::new(name, built, measured))
+    };
+    Ok(TargetReport {
+        target: board.name,
+        images: vec![report("plain", &plain)?, report("tapped", &tapped)?],
+    })
+}
+
+fn write(board: &Board, folder: &Path, plain: &Built, tapped: &Built) -> Result<(), Failure> {
+    let record = toolchain::record(board, &plain.elf, &tapped.elf)?.to_toml()?;
+    let put = |name: &str, bytes: &[u8]| {
+        let file = folder.join(name);
+        fs::write(&file, bytes).map_err(|error| {
+            let what = "cannot be written";
+            Failure::input(format!("--out {}: {what}: {error}", file.display()))
+        })
+    };
+    fs::create_dir_all(folder).map_err(|error| {
+        Failure::input(format!(
+            "--out {}: cannot be made: {error}",
+            folder.display()
+        ))
+    })?;
+    put("plain.elf", &plain.elf)?;
+    put("tapped.elf", &tapped.elf)?;
+    put("toolchain.toml", record.as_bytes())
+}
+
+/// Reads a word-length file into the order of the application's nodes.
+fn formats(file: &Path, app: &'static dyn App) -> Result<Vec<DeclaredNode>, Failure> {
+    let name = file.display().to_string();
+    let text = fs::read_to_string(file)
+        .map_err(|error| Failure::input(format!("{name}: cannot be read: {error}")))?;
+    let declared = wordlengths::parse(&text, &name).map_err(Failure::input)?;
+    let formats = wordlengths::align(&declared, app.nodes(), &name).map_err(Failure::input)?;
+    Ok(toolchain::declared(app.nodes(), &formats))
+}
