@@ -92,6 +92,7 @@ pub(crate) fn comparison(
             missed_deadlines: summary.missed_deadlines,
             mistimed: summary.mistimed,
             first_mistimed: summary.first_mistimed.clone(),
+            first_conversion_cycle: collected.conversions.first().map(|first| first.cycle),
         },
         link: LinkStatistics {
             messages: collected.messages,

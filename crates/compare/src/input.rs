@@ -245,6 +245,8 @@ pub struct EmulatorStatistics {
     pub mistimed: u64,
     /// The first of them, in words.
     pub first_mistimed: Option<String>,
+    /// Cycle of the first conversion's hold: how long the start-up took.
+    pub first_conversion_cycle: Option<u64>,
 }
 
 /// Counters of the link, all services of the session together.
