@@ -328,8 +328,8 @@ impl Supervisor {
             let culprit = self.culprit();
             let until = *blame_until.get_or_insert_with(|| Instant::now() + BLAME_TIME);
             match culprit {
-                Some((_, ending)) if ending.blame() > 0 || Instant::now() >= until || !running => {
-                    return Err(self.died());
+                Some((at, how)) if how.blame() > 0 || Instant::now() >= until || !running => {
+                    return Err(self.died(at, how));
                 }
                 Some(_) => {}
                 None if !running => break,
@@ -358,24 +358,12 @@ impl Supervisor {
         failed.rev().max_by_key(|(_, ending)| ending.blame())
     }
 
-    fn died(&mut self) -> SupervisorError {
-        let culprit = self.culprit();
+    /// Ends the others, now that the child at index `at` has failed.
+    fn died(&mut self, at: usize, how: Ending) -> SupervisorError {
         self.end();
-        match culprit {
-            Some((at, how)) => {
-                let child = &mut self.children[at];
-                SupervisorError::ParticipantDied {
-                    role: child.role,
-                    how,
-                    stderr: child.stderr(),
-                }
-            }
-            // Not reached: the caller has just seen a culprit.
-            None => SupervisorError::CouldNotStart {
-                role: Role::Diff,
-                cause: String::new(),
-            },
-        }
+        let child = &mut self.children[at];
+        let (role, stderr) = (child.role, child.stderr());
+        SupervisorError::ParticipantDied { role, how, stderr }
     }
 
     /// Ends and reaps all children, then cleans up.
