@@ -40,7 +40,7 @@ pub(crate) fn comparison(
     };
     let tolerance = &setup.scenario.tolerance.truth;
     let truth_tolerance =
-        (tolerance.rms_deg.is_some() || tolerance.max_deg.is_some()).then(|| TruthTolerance {
+        (tolerance.rms_deg.is_some() || tolerance.max_deg.is_some()).then_some(TruthTolerance {
             rms_deg: tolerance.rms_deg,
             p99_deg: None,
             max_deg: tolerance.max_deg,

@@ -10,6 +10,10 @@ use cardan_scenario::Scenario;
 use clap::Args;
 
 use crate::failure::Failure;
+use crate::toolchain::{self, BOARDS};
+
+/// Name of the image that is part of this program.
+const BUNDLED_IMAGE: &str = "bundled image";
 
 /// Longest run in simulated seconds.
 const MOST_SECONDS: f64 = 1e6;
@@ -40,6 +44,9 @@ pub(crate) struct RunOptions {
     pub(crate) seed: u64,
 }
 
+/// An application, the formats that replace the deployed ones, and the hash of those in use.
+pub(crate) type AppAndFormats = (&'static dyn App, Option<Vec<Format>>, u64);
+
 /// The resolved run.
 pub(crate) struct Setup {
     pub(crate) app: &'static dyn App,
@@ -55,9 +62,7 @@ pub(crate) struct Setup {
 
 impl RunOptions {
     /// Everything but the image: what a participant without hardware needs.
-    pub(crate) fn app_and_formats(
-        &self,
-    ) -> Result<(&'static dyn App, Option<Vec<Format>>, u64), Failure> {
+    pub(crate) fn app_and_formats(&self) -> Result<AppAndFormats, Failure> {
         let app = by_name(&self.app).map_err(Failure::input)?;
         let Some(file) = &self.wordlengths else {
             return Ok((app, None, app.formats_hash()));
@@ -87,7 +92,7 @@ impl RunOptions {
                 "--seconds {seconds}: expected a number above 0 and at most {MOST_SECONDS:e}"
             )));
         }
-        let firmware = self.firmware(app, formats.is_some())?;
+        let firmware = self.firmware(app, formats.as_deref())?;
         let mut table = app.nodes().to_vec();
         for (node, format) in table.iter_mut().zip(formats.iter().flatten()) {
             node.format = *format;
@@ -106,24 +111,37 @@ impl RunOptions {
         })
     }
 
-    fn firmware(&self, app: &'static dyn App, other_formats: bool) -> Result<Firmware, Failure> {
+    /// The image to emulate; one that has to be built for other formats is cached by their hash.
+    fn firmware(
+        &self,
+        app: &'static dyn App,
+        formats: Option<&[Format]>,
+    ) -> Result<Firmware, Failure> {
         let parse = |name: &str, bytes: &[u8]| Firmware::parse(name, bytes).map_err(Failure::input);
-        match (&self.firmware, &self.wordlengths) {
+        match (&self.firmware, formats) {
             (Some(file), _) => parse(&file.display().to_string(), &read(file)?),
-            (None, Some(wordlengths)) if other_formats => Err(Failure::input(format!(
-                "{}: the bundled image has other formats; give --firmware with an image that \
-                     was built with this file",
-                wordlengths.display()
-            ))),
-            (None, _) => {
-                let bytes = app.bundled(true).ok_or_else(|| {
-                    Failure::input(format!(
-                        "application {} has no image; give --firmware",
-                        app.name()
-                    ))
-                })?;
-                parse("bundled image", bytes)
+            (None, Some(formats)) => {
+                let declared = toolchain::declared(app.nodes(), formats);
+                let built = toolchain::build_board(&BOARDS[0], true, Some(&declared), true)?;
+                parse(&built.file.display().to_string(), &built.elf)
             }
+            (None, None) => {
+                let bytes = app.bundled(true).ok_or_else(|| {
+                    let name = app.name();
+                    Failure::input(format!("application {name} has no image; give --firmware"))
+                })?;
+                parse(BUNDLED_IMAGE, bytes)
+            }
+        }
+    }
+
+    /// The same options with the image that was resolved, so that no child builds it again.
+    pub(crate) fn with_image_of(&self, setup: &Setup) -> Self {
+        let firmware =
+            (setup.firmware.name != BUNDLED_IMAGE).then(|| (&setup.firmware.name).into());
+        Self {
+            firmware,
+            ..self.clone()
         }
     }
 

@@ -187,7 +187,7 @@ impl Environment for Board<'_> {
         let per_solution = CONVERSIONS_PER_SOLUTION as u64;
         if sequence >= WARM_UP_SOLUTIONS as u64 * per_solution {
             self.state.hold_sum += u128::from(event.hold_cycle);
-            if (sequence + 1) % per_solution == 0 {
+            if (sequence + 1).is_multiple_of(per_solution) {
                 self.complete(event.done_cycle);
             }
         }

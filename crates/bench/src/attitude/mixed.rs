@@ -17,10 +17,13 @@ use cardan_units::AdcCode;
 
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 
+/// A node, its value, and its word where it has one.
+type Write = (usize, f64, Option<i64>);
+
 /// Collects writes until the engine passes them on.
 #[derive(Clone, Debug, Default)]
 struct Buffer {
-    writes: Rc<RefCell<Vec<(usize, f64, Option<i64>)>>>,
+    writes: Rc<RefCell<Vec<Write>>>,
     overflows: Rc<RefCell<Vec<u64>>>,
 }
 

@@ -63,15 +63,16 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
     if args.in_process {
         in_threads(args, &setup, session, output)
     } else {
-        in_processes(args, &session, output)
+        let run = args.run.with_image_of(&setup);
+        in_processes(args, &run, &session, output)
     }
 }
 
-fn in_processes(args: &CompareArgs, session: &SessionId, output: Output) -> Done {
+fn in_processes(args: &CompareArgs, run: &RunOptions, session: &SessionId, output: Output) -> Done {
     let program = std::env::current_exe()
         .map_err(|error| Failure::participant(format!("this program cannot be found: {error}")))?;
     let participants = [Role::Emulated, Role::Native, Role::Golden, Role::Diff]
-        .map(|role| participant(args, role, &program, session, output));
+        .map(|role| participant(args, run, role, &program, session, output));
     let finished = Supervisor::start(session, participants.into())
         .and_then(Supervisor::wait)
         .map_err(ended_early)?;
@@ -97,6 +98,7 @@ fn in_processes(args: &CompareArgs, session: &SessionId, output: Output) -> Done
 
 fn participant(
     args: &CompareArgs,
+    run: &RunOptions,
     role: Role,
     program: &Path,
     session: &SessionId,
@@ -122,7 +124,7 @@ fn participant(
             }
         }
         Role::Emulated | Role::Diff => {
-            command.args(args.run.arguments());
+            command.args(run.arguments());
         }
     }
     let mut participant = Participant::new(role, command);
