@@ -177,3 +177,31 @@ pub(crate) fn flash_byte(flash: &[u16], z: u16) -> u8 {
     let word = flash[usize::from(z >> 1) & (flash.len() - 1)];
     word.to_le_bytes()[usize::from(z & 1)]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn flash_written_in_pieces_is_decoded_as_if_written_at_once(
+            words in prop::collection::vec(any::<u16>(), 64),
+            pieces in prop::collection::vec((0usize..64, 1usize..9), 1..40),
+        ) {
+            let mut whole = Core::new(64, 0x100, 0x100);
+            whole.write_flash(0, &words);
+            let mut patched = Core::new(64, 0x100, 0x100);
+            // Something else first, then pieces in any order, then what they left out.
+            patched.write_flash(0, &[0x900F; 64]);
+            for (start, length) in pieces {
+                let end = (start + length).min(64);
+                patched.write_flash(start, &words[start..end]);
+            }
+            for i in 0..64 {
+                patched.write_flash(i, &words[i..=i]);
+            }
+            prop_assert_eq!(&whole.ops[..64], &patched.ops[..64]);
+        }
+    }
+}
