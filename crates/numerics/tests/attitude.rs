@@ -222,21 +222,24 @@ fn worst_errors(truth: &[[f64; 3]], found: &[[f64; 3]]) -> [f64; 3] {
     [0, 1, 2].map(|axis| (0..truth.len()).fold(0.0, |worst: f64, at| worst.max(error(at, axis))))
 }
 
-/// Where noise puts the two yaws on either side of half a turn, their mean is still between them.
+/// The firmware leaves it to wrapping nodes that 1 - x and -1 - x are the same angle: where the
+/// cosine changes its sign, or the turn ends, two real yaws of nearly the same direction must not be
+/// averaged a turn apart.
 #[test]
-fn noise_across_half_a_turn_moves_the_real_yaw_by_no_more_than_elsewhere() {
+fn noise_moves_the_real_yaw_everywhere_alike() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
-    // One place of the sum, 0.007 degrees, either way.
-    let mut noise = move || [(); CHANNELS].map(|()| f64::from(rng.next_u32() % 3) - 1.0);
+    // About one code either way.
+    let mut noise = move || [(); CHANNELS].map(|()| 20.0 * (f64::from(rng.next_u32() % 3) - 1.0));
     let mut worst_yaw = |yaw: f64| {
         let attitudes = vec![[yaw, 20.0, 30.0]; 200];
         let solved = Ideal(attitudes.clone()).solve(&mut noise);
         worst_errors(&attitudes, &solved)[0]
     };
     let elsewhere = worst_yaw(135.0);
-    assert!(elsewhere > 0.001, "the noise is felt");
-    assert!(worst_yaw(180.0) < 2.0 * elsewhere + 0.01);
-    assert!(worst_yaw(-179.999) < 2.0 * elsewhere + 0.01);
+    assert!(elsewhere > 0.1, "the noise is felt");
+    for yaw in [0.0, 90.0, 180.0, -90.0, -179.9] {
+        assert!(worst_yaw(yaw) < 2.0 * elsewhere, "at {yaw}");
+    }
 }
 
 #[test]
