@@ -1,7 +1,8 @@
 //! The processor core: registers and memories.
 
 use crate::alu::Flags;
-use crate::isa::{Op, decode, fuse, is_two_words, unfuse};
+use crate::fusion::{fuse, unfuse};
+use crate::isa::{Op, decode, is_two_words};
 
 /// Words the operation table holds: the whole range of the program counter, so that indexing
 /// with a `u16` needs no check.

@@ -38,6 +38,7 @@ mod elf;
 mod environment;
 mod execute;
 mod fuses;
+mod fusion;
 mod hex;
 mod image;
 mod interpreter;
