@@ -56,6 +56,8 @@ fn main() -> ExitCode {
         // Wrong usage is exit 2; help and version are not errors.
         Err(error) => error.exit(),
     };
+    // A participant that `compare` started ends with it, from its first moment on.
+    cardan_link::end_with_supervisor();
     let output = Output::new(&cli.output);
     let done = match &cli.command {
         Command::Compare(args) => commands::compare::compare(args, output),
