@@ -1,5 +1,7 @@
 //! Whole-system tests and their inputs: what the tests share.
 
+pub mod program;
+
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;

@@ -46,10 +46,11 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "NAME", default_value = "atmega328p", value_parser = device)]
     mcu: &'static Device,
     /// Clock of the oscillator in hertz, at most 20000000.
-    #[arg(long, value_name = "HZ", default_value_t = 16_000_000, value_parser = frequency)]
+    #[arg(long, value_name = "HZ", default_value_t = 16_000_000, value_parser = frequency,
+        allow_negative_numbers = true)]
     freq: u64,
     /// Stops after this number of cycles [default: no limit].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     cycles: Option<u64>,
     /// Where the serial line leads: `stdio` (sends to standard output, receives from standard
     /// input), `pty` (a terminal device for any serial program; the run then keeps real time),
@@ -57,7 +58,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "stdio|pty|none|FILE")]
     uart: Option<Choice>,
     /// Supply: AVCC and AREF, in volts.
-    #[arg(long, value_name = "V", default_value_t = 5.0, value_parser = supply)]
+    #[arg(long, value_name = "V", default_value_t = 5.0, value_parser = supply,
+        allow_negative_numbers = true)]
     vcc: f64,
     /// Voltage of an analog input, CH 0 to 7; may be repeated. Others read 0 V.
     #[arg(long, value_name = "CH=VOLTS", value_parser = analog)]

@@ -27,8 +27,6 @@ pub(crate) struct Compiler {
     pub(super) cargo: PathBuf,
     /// Sources of the core library.
     pub(super) library: PathBuf,
-    /// Where it comes from.
-    pub(crate) origin: &'static str,
     /// Versions of all parts.
     pub(crate) versions: Versions,
 }
@@ -79,7 +77,7 @@ pub(crate) fn find() -> Result<Compiler, Missing> {
     let candidates = compilers();
     let rust = candidates.iter().find_map(|candidate| {
         let rust = candidate.found.as_ref().ok()?;
-        Some((candidate.origin, rust.clone()))
+        Some(rust.clone())
     });
     if rust.is_none() {
         for Candidate { origin, found } in &candidates {
@@ -94,7 +92,7 @@ pub(crate) fn find() -> Result<Compiler, Missing> {
         missing.push(format!("{problem}; install it: {INSTALL_GCC}"));
     }
     match (rust, gcc) {
-        (Some((origin, rust)), Ok(gcc)) => Ok(rust.with(origin, gcc)),
+        (Some(rust), Ok(gcc)) => Ok(rust.with(gcc)),
         _ => Err(Missing(missing)),
     }
 }
@@ -159,7 +157,7 @@ impl Rust {
         })
     }
 
-    fn with(self, origin: &'static str, gcc: Gcc) -> Compiler {
+    fn with(self, gcc: Gcc) -> Compiler {
         let versions = Versions {
             rustc: self.version,
             llvm: self.llvm,
@@ -172,7 +170,6 @@ impl Rust {
             rustc: self.rustc,
             cargo: self.cargo,
             library: self.library,
-            origin,
             versions,
         }
     }

@@ -199,7 +199,7 @@ fn test_tools() -> [Part; 6] {
             "simavr",
             Need::Tests,
             "another AVR simulator, an oracle for the emulator",
-            match runs("simavr", &["--help"]) {
+            match runs("sh", &["-c", "command -v simavr"]) {
                 true => Ok(package_version("simavr").unwrap_or("found".to_owned())),
                 false => Err("not there".to_owned()),
             },

@@ -17,6 +17,8 @@ pub(super) struct Desk {
     pub(super) sent: Vec<u8>,
     /// Bytes from the host that the chip has not yet been offered.
     pub(super) received: VecDeque<u8>,
+    /// Start and value of the byte last offered.
+    offered: Option<(u64, u8)>,
     /// The reader of what the chip sends has gone: the run ends.
     pub(super) is_closed: bool,
     /// Where pin levels are written.
@@ -30,6 +32,7 @@ impl Desk {
             stimulus,
             sent: Vec::new(),
             received: VecDeque::new(),
+            offered: None,
             is_closed: false,
             waveform: None,
         }
@@ -59,8 +62,18 @@ impl Environment for Desk {
         self.sent.push(byte);
     }
 
+    /// The next byte for the chip. Asked again in the cycle of the last one's start: the receiver
+    /// is off and that byte lost. A host's bytes carry no time of their own, so it comes again
+    /// later, at the beginning of the next slice of the run.
     fn uart_rx(&mut self, cycle: u64) -> Option<SerialByte> {
+        if let Some((start, byte)) = self.offered.take()
+            && start == cycle
+        {
+            self.received.push_front(byte);
+            return None;
+        }
         let byte = self.received.pop_front()?;
+        self.offered = Some((cycle, byte));
         Some(SerialByte {
             start_cycle: cycle,
             byte,

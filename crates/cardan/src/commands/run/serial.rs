@@ -12,10 +12,6 @@ use super::standard_input::StandardInput;
 use crate::failure::Failure;
 use crate::output::Output;
 
-/// The first byte from the host comes no earlier than this many slices after the start: a program
-/// needs time to switch its receiver on, and what comes before is lost, as on a real line.
-const FIRST_INPUT_PER_SECOND: u64 = 50;
-
 /// The value of `--uart`.
 #[derive(Clone, Debug)]
 pub(super) enum Choice {
@@ -43,11 +39,7 @@ impl FromStr for Choice {
 }
 
 /// An open line.
-pub(super) struct Line {
-    end: End,
-    /// First cycle at which a byte from the host may come.
-    first_input: u64,
-}
+pub(super) struct Line(End);
 
 enum End {
     /// Standard output, or standard error beside JSON.
@@ -99,26 +91,20 @@ impl Line {
                 }
             }
         };
-        Ok(Self {
-            end,
-            first_input: hz / FIRST_INPUT_PER_SECOND,
-        })
+        Ok(Self(end))
     }
 
     /// Passes on what the chip has sent by `cycle`, and takes in what has come for it.
     pub(super) fn exchange(&mut self, desk: &mut Desk, cycle: u64) -> Result<(), Failure> {
         self.pass_on(desk)?;
-        let may_receive = cycle >= self.first_input;
-        match &mut self.end {
+        match &mut self.0 {
             End::Standard {
                 input: Some(input), ..
-            } if may_receive => {
+            } => {
                 desk.received.extend(input.take());
             }
             End::Terminal(terminal) => {
-                if may_receive {
-                    desk.received.extend(terminal.take());
-                }
+                desk.received.extend(terminal.take());
                 terminal.keep_pace(cycle);
             }
             _ => {}
@@ -128,10 +114,10 @@ impl Line {
 
     fn pass_on(&mut self, desk: &mut Desk) -> Result<(), Failure> {
         let sent = std::mem::take(&mut desk.sent);
-        if sent.is_empty() && !matches!(self.end, End::Terminal(_)) {
+        if sent.is_empty() && !matches!(self.0, End::Terminal(_)) {
             return Ok(());
         }
-        let written = match &mut self.end {
+        let written = match &mut self.0 {
             End::Standard {
                 to_error: false, ..
             } => write(&mut io::stdout().lock(), &sent),
@@ -152,7 +138,7 @@ impl Line {
     }
 
     fn unwritten(&self, error: &io::Error) -> Failure {
-        let name = match &self.end {
+        let name = match &self.0 {
             End::File { name, .. } => name.display().to_string(),
             _ => "the serial line's output".to_owned(),
         };
@@ -162,7 +148,7 @@ impl Line {
     /// Passes on the rest.
     pub(super) fn close(mut self, desk: &mut Desk) -> Result<(), Failure> {
         self.pass_on(desk)?;
-        if let End::Terminal(terminal) = self.end {
+        if let End::Terminal(terminal) = self.0 {
             terminal.close();
         }
         Ok(())

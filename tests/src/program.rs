@@ -1,0 +1,65 @@
+//! AVR programs for the tests: compiled from C, or written word by word.
+
+use std::path::{Path, PathBuf};
+use std::process::Command;
+
+use crate::root;
+
+/// How to install what the tests need.
+const INSTALL: &str = "apt-get install gcc-avr binutils-avr avr-libc";
+
+/// Compiles `programs/NAME.c` into `folder` and returns the ELF file.
+///
+/// # Panics
+/// The compiler is missing (with the command that installs it) or refuses the program.
+#[must_use]
+pub fn compile(name: &str, folder: &Path) -> PathBuf {
+    let source = root().join("tests/programs").join(format!("{name}.c"));
+    let elf = folder.join(format!("{name}.elf"));
+    let mut gcc = Command::new("avr-gcc");
+    gcc.args(["-mmcu=atmega328p", "-Os", "-Wall", "-Werror", "-o"])
+        .arg(&elf)
+        .arg(source);
+    succeed(gcc);
+    elf
+}
+
+/// The same program as Intel HEX.
+///
+/// # Panics
+/// binutils are missing, or refuse the file.
+#[must_use]
+pub fn to_hex(elf: &Path) -> PathBuf {
+    let hex = elf.with_extension("hex");
+    let mut objcopy = Command::new("avr-objcopy");
+    objcopy.args(["-O", "ihex"]).arg(elf).arg(&hex);
+    succeed(objcopy);
+    hex
+}
+
+fn succeed(mut command: Command) {
+    let status = command.status().unwrap_or_else(|error| {
+        panic!("{command:?} cannot be started ({error}); install it: {INSTALL}")
+    });
+    assert!(status.success(), "{command:?} fails");
+}
+
+/// Intel HEX text of program words from address 0.
+#[must_use]
+pub fn hex_text(words: &[u16]) -> String {
+    let bytes: Vec<u8> = words.iter().flat_map(|word| word.to_le_bytes()).collect();
+    let mut text = String::new();
+    for (index, chunk) in bytes.chunks(16).enumerate() {
+        let address = (index * 16) as u16;
+        let mut record = vec![chunk.len() as u8];
+        record.extend(address.to_be_bytes());
+        record.push(0);
+        record.extend(chunk);
+        let sum = record.iter().fold(0u8, |sum, byte| sum.wrapping_add(*byte));
+        record.push(sum.wrapping_neg());
+        text.push(':');
+        text.extend(record.iter().map(|byte| format!("{byte:02X}")));
+        text.push('\n');
+    }
+    text + ":00000001FF\n"
+}
