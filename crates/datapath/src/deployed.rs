@@ -10,6 +10,7 @@ use fixed::traits::Fixed;
 
 use crate::container::Container;
 use crate::kernel::{divide32, multiply16, square_root32};
+use crate::quantised::Quantised;
 use crate::rounding::{narrow, wide};
 use crate::{Arithmetic, Constant, Format, Node, Overflow, Table, Tap, Value};
 
@@ -506,27 +507,4 @@ impl<T: Tap> Arithmetic for Deployed<T> {
     fn take_status(&self) -> u16 {
         self.status.replace(0)
     }
-}
-
-/// A table quantised into a node's format at compile time.
-struct Quantised<N: Node, C: Table>(core::marker::PhantomData<(N, C)>);
-
-/// Longest table.
-const TABLE_LEN: usize = 64;
-
-impl<N: Node, C: Table> Quantised<N, C> {
-    const RAW: [i64; TABLE_LEN] = {
-        assert!(
-            C::VALUES.len() <= TABLE_LEN && !C::VALUES.is_empty(),
-            "tables hold 1..=64 values"
-        );
-        let format: Format = N::FORMAT;
-        let mut raw = [0; TABLE_LEN];
-        let mut index = 0;
-        while index < C::VALUES.len() {
-            raw[index] = format.constant(C::VALUES[index]);
-            index += 1;
-        }
-        raw
-    };
 }

@@ -50,6 +50,7 @@ mod container;
 mod deployed;
 mod format;
 mod kernel;
+mod quantised;
 pub mod rounding;
 mod tap;
 #[cfg(feature = "codegen")]

@@ -102,7 +102,7 @@ fn any_words() -> impl Strategy<Value = [i32; WORDS]> {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(400))]
+    #![proptest_config(ProptestConfig::with_cases(4000))]
 
     #[test]
     fn every_node_equals_the_deployed_firmware(words in any_words(), codes in any_codes()) {
