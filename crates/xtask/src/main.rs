@@ -1,42 +1,38 @@
-//! Build and test automation: `cargo xtask test` installs what the tests need and runs everything,
-//! `cargo xtask images` rebuilds the committed firmware images.
+//! Build and test automation.
+//!
+//! `cargo xtask test [--only STEP,...]` runs every check of the repository; `cargo xtask images`
+//! rebuilds the committed firmware images. What Cardan's own commands know (which parts of the
+//! system are missing, how images are built) is asked of them.
 
-mod needs;
+mod prepare;
+mod shell;
 mod steps;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
-
-use crate::steps::Step;
-
-/// Build and test automation.
-#[derive(Parser)]
-#[command(name = "cargo xtask")]
-struct Cli {
-    #[command(subcommand)]
-    command: Command,
-}
-
-#[derive(Subcommand)]
-enum Command {
-    /// Install what the tests need, then run every check
-    Test {
-        /// Only these steps
-        #[arg(long, value_delimiter = ',', value_name = "STEP")]
-        only: Vec<Step>,
-    },
-    /// Rebuild the firmware images from source and write them where they are committed
-    Images,
-}
+const USAGE: &str = "\
+usage: cargo xtask test [--only STEP,...]   every check: installs what is missing, then runs all steps
+       cargo xtask images                   rebuilds the committed firmware images from source";
 
 fn main() -> ExitCode {
-    let done = match Cli::parse().command {
-        Command::Test { only } => steps::test(&only),
-        Command::Images => steps::images(),
+    let arguments: Vec<String> = std::env::args().skip(1).collect();
+    let arguments: Vec<&str> = arguments.iter().map(String::as_str).collect();
+    let done = match arguments[..] {
+        ["test"] => steps::run(None),
+        ["test", "--only", list] => steps::run(Some(list)),
+        ["images"] => steps::write_images(),
+        ["help" | "--help" | "-h"] => {
+            println!("{USAGE}\nsteps: {}", steps::names());
+            return ExitCode::SUCCESS;
+        }
+        _ => {
+            eprintln!("{USAGE}\nsteps: {}", steps::names());
+            return ExitCode::from(2);
+        }
     };
     match done {
-        Ok(()) => ExitCode::SUCCESS,
+        Ok(true) => ExitCode::SUCCESS,
+        Ok(false) => ExitCode::FAILURE,
         Err(message) => {
             eprintln!("xtask: {message}");
             ExitCode::FAILURE

@@ -1,159 +1,196 @@
-//! The checks, in the order in which a mistake shows soonest.
+//! The steps of `cargo xtask test`: one target folder, one profile and one selection of features,
+//! so that nothing is compiled twice.
 
-use std::io::{BufRead, BufReader};
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
 use std::time::Instant;
 
-use clap::ValueEnum;
+use crate::prepare::{PYTHON, oracle_python, prepare};
+use crate::shell::{cardan, cargo, command, run as run_command, run_watched};
 
-use crate::needs;
+/// Folder of the committed images.
+const IMAGES: &str = "firmware/boards/atmega328p/images";
 
 /// A check.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Step {
-    /// Formatting.
-    Fmt,
-    /// Lints, denied.
-    Clippy,
-    /// Images of the reference board from source, into the target folder.
-    Images,
-    /// All tests of all crates.
-    Test,
-    /// Documentation, warnings denied.
-    Doc,
+struct Step {
+    name: &'static str,
+    /// The steps after it make no sense if it fails.
+    is_ground: bool,
+    run: fn(&mut Counts) -> Result<bool, String>,
 }
 
-/// Root of the workspace.
-fn root() -> PathBuf {
-    let manifest = Path::new(env!("CARGO_MANIFEST_DIR"));
-    manifest
-        .ancestors()
-        .nth(2)
-        .map_or_else(PathBuf::new, Path::to_path_buf)
+/// Tests counted so far.
+#[derive(Default)]
+struct Counts {
+    passed: u64,
+    failed: u64,
 }
 
-fn cargo(arguments: &[&str]) -> Command {
-    let mut command = Command::new(env!("CARGO"));
-    command.args(arguments).current_dir(root());
-    command
+const STEPS: [Step; 7] = [
+    Step {
+        name: "fmt",
+        is_ground: false,
+        run: fmt,
+    },
+    Step {
+        name: "build",
+        is_ground: true,
+        run: build,
+    },
+    Step {
+        name: "prepare",
+        is_ground: true,
+        run: |_| prepare(),
+    },
+    Step {
+        name: "clippy",
+        is_ground: false,
+        run: clippy,
+    },
+    Step {
+        name: "images",
+        is_ground: false,
+        run: images,
+    },
+    Step {
+        name: "test",
+        is_ground: false,
+        run: test,
+    },
+    Step {
+        name: "doc",
+        is_ground: false,
+        run: doc,
+    },
+];
+
+/// Names of all steps.
+pub(crate) fn names() -> String {
+    STEPS.map(|step| step.name).join(", ")
 }
 
-fn run(command: &mut Command, what: &str) -> Result<(), String> {
-    let started = Instant::now();
-    println!("== {what}");
-    let status = command
-        .status()
-        .map_err(|error| format!("{what}: {error}"))?;
-    println!(
-        "== {what}: {} ({:.0} s)",
-        status,
-        started.elapsed().as_secs_f64()
-    );
-    if status.success() {
-        Ok(())
-    } else {
-        Err(format!("{what} failed"))
-    }
-}
-
-/// Installs and runs the chosen steps, all by default.
-///
-/// # Errors
-/// What could not be installed, or the first step that failed.
-pub(crate) fn test(only: &[Step]) -> Result<(), String> {
-    let python = needs::install(&root())?;
-    let wanted = |step: Step| only.is_empty() || only.contains(&step);
-    // One profile throughout: nothing is compiled twice.
-    if wanted(Step::Fmt) {
-        run(&mut cargo(&["fmt", "--all", "--check"]), "formatting")?;
-    }
-    if wanted(Step::Clippy) {
-        let arguments = [
-            "clippy",
-            "--release",
-            "--workspace",
-            "--all-targets",
-            "--",
-            "-D",
-            "warnings",
-        ];
-        run(&mut cargo(&arguments), "lints")?;
-    }
-    if wanted(Step::Images) {
-        let arguments = [
-            "run",
-            "--release",
-            "--package",
-            "cardan",
-            "--",
-            "build",
-            "--quiet",
-        ];
-        run(&mut cargo(&arguments), "images from source")?;
-    }
-    if wanted(Step::Test) {
-        let mut tests = cargo(&["test", "--release", "--workspace", "--no-fail-fast"]);
-        count(tests.env("CARDAN_PYTHON", python))?;
-    }
-    if wanted(Step::Doc) {
-        let mut doc = cargo(&["doc", "--release", "--workspace", "--no-deps", "--quiet"]);
-        run(doc.env("RUSTDOCFLAGS", "-D warnings"), "documentation")?;
-    }
-    Ok(())
-}
-
-/// Runs the tests and adds up their results.
-fn count(tests: &mut Command) -> Result<(), String> {
-    println!("== tests");
-    let mut child = tests
-        .stdout(Stdio::piped())
-        .spawn()
-        .map_err(|error| error.to_string())?;
-    let (mut passed, mut failed) = (0_u64, 0_u64);
-    let lines = child
-        .stdout
-        .take()
-        .map(BufReader::new)
-        .into_iter()
-        .flat_map(BufRead::lines);
-    for line in lines.map_while(Result::ok) {
-        println!("{line}");
-        if line.starts_with("test result:") {
-            let number = |what: &str| {
-                let before = line.split(what).next()?;
-                before.split_whitespace().last()?.parse::<u64>().ok()
-            };
-            passed += number(" passed").unwrap_or(0);
-            failed += number(" failed").unwrap_or(0);
+/// Runs all steps, or those in the comma-separated list `only`.
+pub(crate) fn run(only: Option<&str>) -> Result<bool, String> {
+    let wanted: Option<Vec<&str>> = only.map(|list| list.split(',').collect());
+    for name in wanted.iter().flatten() {
+        if !STEPS.iter().any(|step| step.name == *name) {
+            return Err(format!("--only {name}: no such step; expected {}", names()));
         }
     }
-    let status = child.wait().map_err(|error| error.to_string())?;
-    println!("{passed} passed, {failed} failed");
-    if status.success() && failed == 0 && passed > 0 {
-        Ok(())
-    } else {
-        Err(format!("tests: {failed} failed"))
+    let mut counts = Counts::default();
+    let mut results = Vec::new();
+    for step in STEPS {
+        if wanted
+            .as_ref()
+            .is_some_and(|wanted| !wanted.contains(&step.name))
+        {
+            continue;
+        }
+        println!("\n== {}", step.name);
+        let begin = Instant::now();
+        let is_good = (step.run)(&mut counts).unwrap_or_else(|message| {
+            eprintln!("xtask: {message}");
+            false
+        });
+        results.push((step.name, is_good, begin.elapsed().as_secs()));
+        if step.is_ground && !is_good {
+            break;
+        }
     }
+    Ok(report(&results, &counts))
 }
 
-/// Rebuilds the committed images.
-///
-/// # Errors
-/// No toolchain, or a build that fails.
-pub(crate) fn images() -> Result<(), String> {
-    let out = "firmware/boards/atmega328p/images";
+fn report(results: &[(&str, bool, u64)], counts: &Counts) -> bool {
+    println!();
+    for (name, is_good, seconds) in results {
+        println!(
+            "{name:<8} {:<6} {seconds:>5} s",
+            if *is_good { "ok" } else { "FAILED" }
+        );
+    }
+    let bad = results.iter().filter(|(_, is_good, _)| !is_good).count();
+    println!(
+        "{} of {} steps good; tests: {} passed, {} failed",
+        results.len() - bad,
+        results.len(),
+        counts.passed,
+        counts.failed
+    );
+    bad == 0
+}
+
+fn fmt(_: &mut Counts) -> Result<bool, String> {
+    run_command(cargo(&["fmt", "--all", "--check"]))
+}
+
+fn build(_: &mut Counts) -> Result<bool, String> {
+    run_command(cargo(&["build", "--workspace", "--all-targets"]))
+}
+
+fn clippy(_: &mut Counts) -> Result<bool, String> {
     let arguments = [
-        "run",
-        "--release",
-        "--package",
-        "cardan",
+        "clippy",
+        "--workspace",
+        "--all-targets",
         "--",
-        "build",
-        "--target",
-        "atmega328p",
-        "--out",
-        out,
+        "-D",
+        "warnings",
     ];
-    run(&mut cargo(&arguments), "images")
+    run_command(cargo(&arguments))
+}
+
+/// Builds the board images from source; the tests look at them again, from the same folder.
+fn images(_: &mut Counts) -> Result<bool, String> {
+    run_command(command(cardan(), &["build", "--target", "all"]))
+}
+
+fn test(counts: &mut Counts) -> Result<bool, String> {
+    let mut tests = cargo(&["test", "--workspace", "--no-fail-fast"]);
+    if let Some(python) = oracle_python() {
+        tests.env(PYTHON, python);
+    }
+    run_watched(tests, |line| {
+        if let Some((passed, failed)) = result(line) {
+            counts.passed += passed;
+            counts.failed += failed;
+        }
+    })
+}
+
+/// The counts in the last line of a test program.
+fn result(line: &str) -> Option<(u64, u64)> {
+    let rest = line.strip_prefix("test result: ")?;
+    let count = |what: &str| {
+        let before = rest.split(what).next()?;
+        before
+            .rsplit(|c: char| !c.is_ascii_digit())
+            .next()?
+            .parse()
+            .ok()
+    };
+    Some((count(" passed")?, count(" failed")?))
+}
+
+fn doc(_: &mut Counts) -> Result<bool, String> {
+    let mut doc = cargo(&["doc", "--workspace", "--no-deps"]);
+    doc.env("RUSTDOCFLAGS", "-D warnings");
+    run_command(doc)
+}
+
+/// Rebuilds the committed images and the record beside them.
+pub(crate) fn write_images() -> Result<bool, String> {
+    let built = run_command(cargo(&["build", "--workspace", "--bins"]))?;
+    let arguments = ["build", "--target", "atmega328p", "--out", IMAGES];
+    Ok(built && run_command(command(cardan(), &arguments))?)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::result;
+
+    #[test]
+    fn the_last_line_of_a_test_program_is_counted() {
+        let line =
+            "test result: FAILED. 12 passed; 3 failed; 0 ignored; 0 measured; 1 filtered out";
+        assert_eq!(result(line), Some((12, 3)));
+        assert_eq!(result("test adds ... ok"), None);
+    }
 }
