@@ -10,6 +10,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
 use cardan_datapath::wordlengths::DeclaredNode;
+use cardan_spec::taps;
 
 use super::find::Compiler;
 use super::metadata::{self, Metadata};
@@ -213,7 +214,8 @@ impl Build<'_> {
         Ok(file)
     }
 
-    /// Compiler flags that replace every path of this machine. Of two that match the later wins.
+    /// Compiler flags: they replace every path of this machine (of two that match the later wins),
+    /// and keep the format table, which nothing in the program refers to.
     fn flags(&self) -> Result<String, Failure> {
         let mut remapped = vec![
             (self.compiler.library.clone(), "/rust"),
@@ -223,14 +225,13 @@ impl Build<'_> {
         for folder in self.metadata()?.registries() {
             remapped.push((folder, "/registry"));
         }
-        let flags: Vec<String> = remapped
+        let remapped = remapped
             .iter()
-            .map(|(from, to)| {
-                format!(
-                    "{:?}",
-                    format!("--remap-path-prefix={}={to}", from.display())
-                )
-            })
+            .map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display()));
+        let kept = format!("-Clink-arg=-Wl,--undefined={}", taps::FORMATS_SYMBOL);
+        let flags: Vec<String> = remapped
+            .chain([kept])
+            .map(|flag| format!("{flag:?}"))
             .collect();
         Ok(format!(
             "target.{}.rustflags=[{}]",

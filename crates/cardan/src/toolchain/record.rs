@@ -120,14 +120,19 @@ pub(super) fn of(
     let text =
         fs::read_to_string(&lock).map_err(|error| unusable(&lock, "cannot be read", &error))?;
     let firmware = Firmware::parse("the plain image", plain).map_err(Failure::input)?;
-    let formats = firmware.formats.map(|table| format!("{:016x}", table.hash));
+    let formats = firmware.formats.ok_or_else(|| {
+        Failure::input(format!(
+            "the image of {} carries no format table",
+            board.name
+        ))
+    })?;
     Ok(Recorded {
         toolchain: compiler.versions.clone(),
         sources: Sources {
             sha256: sources::digest(workspace, board)?,
             lock_sha256: hex_digest(text.as_bytes()),
             avr_device: locked_version(&text, "avr-device").unwrap_or_default(),
-            formats: formats.unwrap_or_default(),
+            formats: format!("{:016x}", formats.hash),
         },
         images: Images {
             plain: Digested::of(plain),
