@@ -37,8 +37,9 @@ struct Message {
 
 /// The executable among the messages of a build.
 pub(super) fn executable(messages: &str) -> Option<PathBuf> {
-    let parsed = messages
+    let mut parsed = messages
         .lines()
+        .rev()
         .filter_map(|line| serde_json::from_str::<Message>(line).ok());
-    parsed.filter_map(|message| message.executable).last()
+    parsed.find_map(|message| message.executable)
 }

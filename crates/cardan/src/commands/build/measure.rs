@@ -124,7 +124,7 @@ fn run(machine: &mut Machine, probe: &mut Probe, until: u64, name: &str) -> Resu
         let vector = machine.pc() / VECTOR_BYTES;
         let is_entry = enabled
             && !is_enabled(machine)
-            && machine.pc() % VECTOR_BYTES == 0
+            && machine.pc().is_multiple_of(VECTOR_BYTES)
             && vectors.contains(&vector)
             && machine.sp() == sp.wrapping_sub(2);
         if is_entry {
@@ -133,13 +133,8 @@ fn run(machine: &mut Machine, probe: &mut Probe, until: u64, name: &str) -> Resu
                 begin: cycle,
                 sp,
             });
-        } else if handlers
-            .last()
-            .is_some_and(|handler| handler.sp == machine.sp())
-        {
-            if let Some(handler) = handlers.pop() {
-                probe.handled(&handler, machine.cycle(), handlers.is_empty());
-            }
+        } else if let Some(handler) = handlers.pop_if(|handler| handler.sp == machine.sp()) {
+            probe.handled(&handler, machine.cycle(), handlers.is_empty());
         }
     }
     Ok(())

@@ -1,7 +1,7 @@
 //! Standard input as the far end of the serial line.
 
 use std::io::{self, IsTerminal, Read};
-use std::sync::mpsc::{self, Receiver, RecvTimeoutError};
+use std::sync::mpsc::{self, Receiver};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -42,14 +42,9 @@ impl StandardInput {
         let mut bytes = Vec::new();
         if std::mem::take(&mut self.is_awaited) {
             let end = Instant::now() + PATIENCE;
-            loop {
-                match self
-                    .chunks
-                    .recv_timeout(end.saturating_duration_since(Instant::now()))
-                {
-                    Ok(chunk) => bytes.extend(chunk),
-                    Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => break,
-                }
+            let rest = || end.saturating_duration_since(Instant::now());
+            while let Ok(chunk) = self.chunks.recv_timeout(rest()) {
+                bytes.extend(chunk);
             }
         }
         bytes.extend(self.chunks.try_iter().flatten());
