@@ -263,6 +263,70 @@ fn a_pin_stimulus_moves_the_program_and_the_dump_shows_each_edge_at_its_cycle() 
 }
 
 #[test]
+fn a_dump_as_stimulus_does_the_same_as_the_table() {
+    let folder = folder();
+    let elf = compile("follow", folder.path());
+    let table = write(&folder, "s.csv", "cycle,PD2\n50000,1\n100000,0\n160000,1\n");
+    let dump = "$timescale 1 ns $end $scope module any $end $var wire 1 ! PD2 $end \
+                $var wire 8 \" other $end $upscope $end $enddefinitions $end\n\
+                #0 z! b101 \"\n#3125000 1!\n#6250000 0!\n#10000000 1!\n";
+    let dump = write(&folder, "s.vcd", dump);
+    let shown = [&table, &dump].map(|stimulus| {
+        let out = folder.path().join("out.vcd");
+        let arguments = [
+            "run",
+            text(&elf),
+            "--stimulus",
+            text(stimulus),
+            "--vcd",
+            text(&out),
+        ];
+        let output = run(&arguments);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        fs::read(out).expect("written")
+    });
+    assert!(shown[0] == shown[1], "the two runs differ");
+    let volts = "$timescale 1 us $end $var real 64 v adc0_V $end $var real 64 w adc3_V $end \
+                 $enddefinitions $end #0 r1.25 v r2.5 w #5000 r3.75 v r0 w ";
+    let volts = write(&folder, "v.vcd", volts);
+    assert_eq!(codes(&["--stimulus", text(&volts)]), [256, 512, 768]);
+    for (content, says) in [
+        ("$timescale 1 ns $end $enddefinitions $end", "no signal"),
+        ("$var wire 1 ! PB0 $end $enddefinitions $end", "$timescale"),
+        (
+            "$timescale 1 ns $end $var wire 2 ! PB0 $end $enddefinitions $end",
+            "2 bits",
+        ),
+        (
+            "$timescale 1 ns $end $var wire 1 ! PB0 $end",
+            "unexpected end",
+        ),
+        (
+            "$timescale 1 ns $end $var wire 1 ! PB0 $end $enddefinitions $end #5 1! #4 ",
+            "#4",
+        ),
+        (
+            "$timescale 1 s $end $var wire 1 ! PB0 $end $enddefinitions $end #1000001 ",
+            "1000000 s",
+        ),
+        (
+            "$timescale 1 ns $end $var wire 1 ! PB0 $end $enddefinitions $end\n#1\n7!",
+            "line 3",
+        ),
+        (
+            "$timescale 1 ns $end $var real 9 ! adc1_V $end $enddefinitions $end #0 rnan !\n",
+            "nite",
+        ),
+    ] {
+        let file = write(&folder, "bad.vcd", content);
+        refused(
+            &["run", text(&elf), "--stimulus", text(&file)],
+            &["bad.vcd", says],
+        );
+    }
+}
+
+#[test]
 fn standard_input_is_the_far_end_of_the_line() {
     let folder = folder();
     let elf = compile("echo", folder.path());

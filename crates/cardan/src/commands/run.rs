@@ -6,6 +6,7 @@ mod serial;
 mod standard_input;
 mod stimulus;
 mod stimulus_csv;
+mod stimulus_vcd;
 mod summary;
 mod waveform;
 
@@ -65,7 +66,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "CH=VOLTS", value_parser = analog)]
     adc: Vec<(u8, f64)>,
     /// Voltages and pin levels over time: CSV with `cycle` or `t_s` first, then `adc0_V`..`adc7_V`
-    /// (volts) or `PB0`..`PD7` (0 or 1); each value holds until the next row.
+    /// (volts) or `PB0`..`PD7` (0 or 1); or a value change dump with those signals. Each value
+    /// holds until the next.
     #[arg(long, value_name = "FILE")]
     stimulus: Option<PathBuf>,
     /// Writes the levels of all pins as a value change dump.
@@ -122,7 +124,7 @@ fn machine(arguments: &Arguments) -> Result<Machine, Failure> {
 /// What is connected to the pins: constant voltages, and what the stimulus file brings.
 fn connections(arguments: &Arguments) -> Result<Stimulus, Failure> {
     let mut stimulus = match &arguments.stimulus {
-        Some(file) => stimulus_csv::read(file, arguments.freq)?,
+        Some(file) => stimulus::read(file, arguments.freq)?,
         None => Stimulus::default(),
     };
     let mut seen = [false; 8];

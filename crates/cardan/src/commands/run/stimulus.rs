@@ -1,11 +1,55 @@
 //! What the outside applies to the pins over time: volts and levels, each held until it changes.
 
+use std::fs;
+use std::path::Path;
+
 use cardan_emulator::Pin;
 
+use super::{stimulus_csv, stimulus_vcd};
+use crate::failure::Failure;
+
 /// Number of analog inputs.
-pub(super) const ANALOG_INPUTS: usize = 8;
+const ANALOG_INPUTS: usize = 8;
 /// Number of digital pins.
 const PINS: usize = 24;
+
+/// What a column or signal sets.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Input {
+    /// Voltage of an ADC channel.
+    Analog(u8),
+    /// Level of a pin.
+    Digital(Pin),
+}
+
+impl Input {
+    /// The input called `adc0_V` to `adc7_V` or `PB0` to `PD7`.
+    pub(super) fn named(name: &str) -> Option<Self> {
+        if let Ok(pin) = name.parse() {
+            return Some(Self::Digital(pin));
+        }
+        let channel = name.strip_prefix("adc")?.strip_suffix("_V")?;
+        let channel: u8 = channel.parse().ok()?;
+        (usize::from(channel) < ANALOG_INPUTS).then_some(Self::Analog(channel))
+    }
+}
+
+/// Reads a stimulus file, CSV or value change dump; `hz` is the clock that times refer to.
+pub(super) fn read(file: &Path, hz: u64) -> Result<Stimulus, Failure> {
+    let text = fs::read(file).map_err(|error| {
+        let what = "cannot be read";
+        Failure::input(format!(
+            "{}: {what}: {error}; check the path",
+            file.display()
+        ))
+    })?;
+    // Every declaration of a dump begins with a dollar sign, no header row of a CSV does.
+    if text.trim_ascii_start().starts_with(b"$") {
+        stimulus_vcd::read(file, &text, hz)
+    } else {
+        stimulus_csv::read(file, &text, hz)
+    }
+}
 
 /// Values of one input: (cycle, value) in the order of the cycles.
 #[derive(Clone, Debug)]
@@ -29,7 +73,8 @@ impl<T: Copy> Track<T> {
 #[derive(Clone, Debug)]
 pub(super) struct Stimulus {
     analog: [Track<f64>; ANALOG_INPUTS],
-    pins: [Track<bool>; PINS],
+    /// `None`: driven no longer.
+    pins: [Track<Option<bool>>; PINS],
     /// Every cycle at which some input is set.
     instants: Vec<u64>,
 }
@@ -52,8 +97,8 @@ impl Stimulus {
         self.note(cycle);
     }
 
-    /// Drives a pin from `cycle` on. Calls come in the order of their cycles.
-    pub(super) fn set_pin(&mut self, pin: Pin, cycle: u64, level: bool) {
+    /// Drives a pin, or stops driving it, from `cycle` on. Calls come in the order of their cycles.
+    pub(super) fn set_pin(&mut self, pin: Pin, cycle: u64, level: Option<bool>) {
         self.pins[pin.index()].0.push((cycle, level));
         self.note(cycle);
     }
@@ -82,7 +127,7 @@ impl Stimulus {
 
     /// Level that drives a pin; `None` if nothing does.
     pub(super) fn level(&self, pin: Pin, cycle: u64) -> Option<bool> {
-        self.pins[pin.index()].at(cycle)
+        self.pins[pin.index()].at(cycle).flatten()
     }
 
     /// The next cycle after `cycle` at which an input is set.

@@ -3,10 +3,9 @@
 use std::fmt::Display;
 use std::path::Path;
 
-use cardan_emulator::Pin;
 use csv::{ReaderBuilder, StringRecord, Trim};
 
-use super::stimulus::{ANALOG_INPUTS, Stimulus};
+use super::stimulus::{Input, Stimulus};
 use crate::failure::Failure;
 
 /// Latest time accepted, in seconds, as for every other duration.
@@ -19,20 +18,12 @@ enum Time {
     Seconds { hz: f64 },
 }
 
-/// What a column sets.
-#[derive(Clone, Copy, PartialEq)]
-enum Input {
-    Analog(u8),
-    Digital(Pin),
-}
-
-/// Reads `file`; `hz` is the clock by which `t_s` is converted to cycles.
-pub(super) fn read(file: &Path, hz: u64) -> Result<Stimulus, Failure> {
-    let opened = ReaderBuilder::new()
+/// Reads `text` of `file`; `hz` is the clock by which `t_s` is converted to cycles.
+pub(super) fn read(file: &Path, text: &[u8], hz: u64) -> Result<Stimulus, Failure> {
+    let mut reader = ReaderBuilder::new()
         .flexible(true)
         .trim(Trim::All)
-        .from_path(file);
-    let mut reader = opened.map_err(|error| csv_failure(file, &error))?;
+        .from_reader(text);
     let header = reader
         .headers()
         .map_err(|error| csv_failure(file, &error))?
@@ -85,7 +76,7 @@ fn inputs(file: &Path, header: &StringRecord) -> Result<Vec<Input>, Failure> {
     let mut found = Vec::new();
     for (index, name) in header.iter().enumerate().skip(1) {
         let at = format!("line 1, column {}", index + 1);
-        let input = input(name).ok_or_else(|| {
+        let input = Input::named(name).ok_or_else(|| {
             let expected = "expected adc0_V to adc7_V or a pin, PB0 to PD7";
             failure(file, format!("{at}: `{name}` is no input; {expected}"))
         })?;
@@ -100,15 +91,6 @@ fn inputs(file: &Path, header: &StringRecord) -> Result<Vec<Input>, Failure> {
         return Err(failure(file, what));
     }
     Ok(found)
-}
-
-fn input(name: &str) -> Option<Input> {
-    if let Ok(pin) = name.parse() {
-        return Some(Input::Digital(pin));
-    }
-    let channel = name.strip_prefix("adc")?.strip_suffix("_V")?;
-    let channel: u8 = channel.parse().ok()?;
-    (usize::from(channel) < ANALOG_INPUTS).then_some(Input::Analog(channel))
 }
 
 /// One row with its place.
@@ -157,7 +139,7 @@ impl Row<'_> {
                 Input::Analog(channel) => {
                     stimulus.set_analog(channel, cycle, self.number(index + 1)?);
                 }
-                Input::Digital(pin) => stimulus.set_pin(pin, cycle, self.level(index + 1)?),
+                Input::Digital(pin) => stimulus.set_pin(pin, cycle, Some(self.level(index + 1)?)),
             }
         }
         Ok(())
@@ -209,10 +191,6 @@ fn csv_failure(file: &Path, error: &csv::Error) -> Failure {
         .position()
         .map_or(String::new(), |at| format!("line {}: ", at.line()));
     match error.kind() {
-        csv::ErrorKind::Io(cause) => failure(
-            file,
-            format!("cannot be read: {cause}; check the path and its permissions"),
-        ),
         csv::ErrorKind::Utf8 { .. } => failure(file, format!("{at}is not text; expected CSV")),
         _ => failure(file, format!("{at}{error}; expected CSV")),
     }

@@ -1,0 +1,155 @@
+//! Reads a stimulus file: value change dump (IEEE 1364, section 18) with signals named like inputs.
+//!
+//! Other signals of the dump are ignored. A level of `z` or `x` drives nothing.
+
+use std::fmt::Display;
+use std::io::Read;
+use std::path::Path;
+
+use cardan_emulator::Pin;
+use vcd::{Command, Header, IdCode, Parser, ScopeItem, Value, Var};
+
+use super::stimulus::{Input, Stimulus};
+use crate::failure::Failure;
+
+/// Latest time accepted, in seconds, as for every other duration.
+const LATEST_S: u128 = 1_000_000;
+
+/// Reads `text` of `file`; `hz` is the clock by which times are converted to cycles.
+pub(super) fn read(file: &Path, text: &[u8], hz: u64) -> Result<Stimulus, Failure> {
+    // The parser wants white space after the last word.
+    let mut parser = Parser::new(text.chain(&b"\n"[..]));
+    let header = parser
+        .parse_header()
+        .map_err(|error| failure(file, error))?;
+    let clock = Clock::new(&header, hz);
+    let clock = clock.ok_or_else(|| failure(file, "no $timescale; expected one such as 1 ns"))?;
+    let inputs = inputs(file, &header)?;
+    let mut stimulus = Stimulus::default();
+    let (mut time, mut cycle) = (0, 0);
+    while let Some(command) = parser.next() {
+        let command = command.map_err(|error| failure(file, error))?;
+        let line = parser.line();
+        let fault = |what: String| failure(file, format!("line {line}: {what}"));
+        match command {
+            Command::Timestamp(now) => {
+                if now < time {
+                    return Err(fault(format!(
+                        "time #{now} comes after #{time}; it must not fall"
+                    )));
+                }
+                time = now;
+                cycle = clock
+                    .cycle(now)
+                    .ok_or_else(|| fault(format!("time #{now} is later than {LATEST_S} s")))?;
+            }
+            Command::ChangeScalar(code, value) => {
+                for pin in pins(&inputs, code) {
+                    stimulus.set_pin(pin, cycle, level(value));
+                }
+            }
+            Command::ChangeReal(code, volts) => {
+                for channel in channels(&inputs, code) {
+                    if !volts.is_finite() {
+                        let what = format!("adc{channel}_V is {volts}; expected a finite number");
+                        return Err(fault(what));
+                    }
+                    stimulus.set_analog(channel, cycle, volts);
+                }
+            }
+            _ => {}
+        }
+    }
+    Ok(stimulus)
+}
+
+fn level(value: Value) -> Option<bool> {
+    match value {
+        Value::V0 => Some(false),
+        Value::V1 => Some(true),
+        Value::X | Value::Z => None,
+    }
+}
+
+fn pins(inputs: &[(IdCode, Input)], code: IdCode) -> impl Iterator<Item = Pin> {
+    let with_code = inputs.iter().filter(move |(known, _)| *known == code);
+    with_code.filter_map(|(_, input)| match input {
+        Input::Digital(pin) => Some(*pin),
+        Input::Analog(_) => None,
+    })
+}
+
+fn channels(inputs: &[(IdCode, Input)], code: IdCode) -> impl Iterator<Item = u8> {
+    let with_code = inputs.iter().filter(move |(known, _)| *known == code);
+    with_code.filter_map(|(_, input)| match input {
+        Input::Analog(channel) => Some(*channel),
+        Input::Digital(_) => None,
+    })
+}
+
+/// Converts the dump's time to cycles.
+struct Clock {
+    /// Units of the dump's time per tick, and per second.
+    tick: u128,
+    per_second: u128,
+    hz: u128,
+}
+
+impl Clock {
+    fn new(header: &Header, hz: u64) -> Option<Self> {
+        let (tick, unit) = header.timescale?;
+        Some(Self {
+            tick: tick.into(),
+            per_second: unit.divisor().into(),
+            hz: hz.into(),
+        })
+    }
+
+    /// The nearest cycle to a time, unless it is beyond the latest accepted.
+    fn cycle(&self, time: u64) -> Option<u64> {
+        let units = u128::from(time) * self.tick;
+        if units > LATEST_S * self.per_second {
+            return None;
+        }
+        u64::try_from((units * self.hz + self.per_second / 2) / self.per_second).ok()
+    }
+}
+
+/// The signals whose names are those of inputs, in all scopes.
+fn inputs(file: &Path, header: &Header) -> Result<Vec<(IdCode, Input)>, Failure> {
+    let mut found: Vec<(IdCode, Input)> = Vec::new();
+    for var in variables(&header.items) {
+        let name = &var.reference;
+        let Some(input) = Input::named(name) else {
+            continue;
+        };
+        if found.iter().any(|(_, known)| *known == input) {
+            let what = format!("two signals are called `{name}`; expected one per input");
+            return Err(failure(file, what));
+        }
+        if matches!(input, Input::Digital(_)) && var.size != 1 {
+            let what = format!("`{name}` has {} bits; a pin has one", var.size);
+            return Err(failure(file, what));
+        }
+        found.push((var.code, input));
+    }
+    if found.is_empty() {
+        let what =
+            "no signal is called like an input: expected adc0_V to adc7_V (real) or PB0 to PD7";
+        return Err(failure(file, what));
+    }
+    Ok(found)
+}
+
+fn variables(items: &[ScopeItem]) -> Vec<&Var> {
+    let inside = items.iter().map(|item| match item {
+        ScopeItem::Var(var) => vec![var],
+        ScopeItem::Scope(scope) => variables(&scope.items),
+        _ => Vec::new(),
+    });
+    inside.flatten().collect()
+}
+
+fn failure(file: &Path, what: impl Display) -> Failure {
+    Failure::input(format!("{}: {what}", file.display()))
+}
