@@ -1,12 +1,43 @@
 //! AVR programs for the tests: compiled from C, or written word by word.
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+
+use tempfile::{TempDir, tempdir};
 
 use crate::root;
 
 /// How to install what the tests need.
 const INSTALL: &str = "apt-get install gcc-avr binutils-avr avr-libc";
+
+/// A folder that lives as long as the value.
+///
+/// # Panics
+/// There is no room for temporary files.
+#[must_use]
+pub fn folder() -> TempDir {
+    tempdir().expect("a temporary folder")
+}
+
+/// Writes a file into `folder`.
+///
+/// # Panics
+/// The folder cannot be written.
+pub fn write(folder: &TempDir, name: &str, content: impl AsRef<[u8]>) -> PathBuf {
+    let file = folder.path().join(name);
+    fs::write(&file, content).expect("the folder is ours");
+    file
+}
+
+/// A path as an argument.
+///
+/// # Panics
+/// The path is not UTF-8.
+#[must_use]
+pub fn text(path: &Path) -> &str {
+    path.to_str().expect("a path in UTF-8")
+}
 
 /// Compiles `programs/NAME.c` into `folder` and returns the ELF file.
 ///
