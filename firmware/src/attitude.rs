@@ -20,8 +20,8 @@ use crate::nodes::{
     LevelCos, LevelSin, LevelX, LevelY, Limit, MatrixTerm, NorthX, One, Pitch, Radicand,
     ReadingsPart, ReadingsSum, Residual, ResidualPart, Rest, Roll, RollSquare, Scale, ScalePart,
     SinRoll, SinTilt2, Square, TiltProduct, TiltX, TiltY, Twist1, Twist2, TwistPart, UnitArgument,
-    Vertical, VerticalSum, Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw, Yaw1, Yaw2,
-    YawCorrection, YawDifference, YawFresh,
+    Vertical, VerticalSum, Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw,
+    Yaw1, Yaw2, YawCorrection, YawDifference, YawFresh,
 };
 
 macro_rules! constants {
@@ -67,7 +67,10 @@ impl<M: Arithmetic> State<M> {
 
     /// Somebody knows that the device is upright now.
     pub fn set_upright(&mut self, m: &M) {
-        *self = Self { yaw: self.yaw, ..Self::new(m) };
+        *self = Self {
+            yaw: self.yaw,
+            ..Self::new(m)
+        };
     }
 }
 
@@ -372,7 +375,10 @@ fn validity<M: Arithmetic>(
     let sum: Value<M, VerticalSum> = m.add(tilt.down_square, field_z_square);
     let lost = m.less(sum, m.constant::<Limit, LeastVertical>());
     state.signs_lost = m.or(state.signs_lost, lost);
-    m.raise(flags::HALF_SPACE, m.or(state.down_negative, m.or(steep, state.signs_lost)));
+    m.raise(
+        flags::HALF_SPACE,
+        m.or(state.down_negative, m.or(steep, state.signs_lost)),
+    );
 
     let seen: Value<M, ResidualPart> = m.mul(dip_product, dip_product);
     let expected: Value<M, ResidualPart> = m.mul(tilt.down_square, field_z_square);

@@ -70,8 +70,6 @@ impl HalfSpace {
         }
         self.signs = Some(signs);
         self.lost |= vertical.down_square + vertical.field_square < HALF_SPACE_LEAST_SUM;
-        !signs.down_positive
-            || self.lost
-            || vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE
+        !signs.down_positive || self.lost || vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE
     }
 }

@@ -90,6 +90,9 @@ impl RunOptions {
         let mut scenario = Scenario::load(&self.scenario).map_err(Failure::input)?;
         if let Some(file) = &self.recording {
             scenario = scenario.with_recording(file);
+            if let Some(name) = file.file_name() {
+                scenario.name = name.to_string_lossy().into_owned();
+            }
         }
         let seconds = self.seconds.unwrap_or(scenario.seconds);
         if !(seconds.is_finite() && seconds > 0.0 && seconds <= MOST_SECONDS) {
