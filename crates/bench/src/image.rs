@@ -43,8 +43,8 @@ pub enum ImageError {
     Load(#[from] LoadError),
     /// Its tables are damaged.
     #[error(
-        "{file}: symbol {symbol}: {problem}; rebuild the image against this version's firmware or \
-         cardan_tap.h"
+        "{file}: symbol {symbol}: {problem}; build the image again (`cardan build`, with \
+         --wordlengths where formats are to differ)"
     )]
     Table {
         /// File.
