@@ -21,16 +21,16 @@ const H: u8 = 32;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Flags {
     /// C: 0 or 1.
-    c: u8,
+    pub(crate) c: u8,
     /// Z is set if this is 0.
-    z: u8,
+    pub(crate) z: u8,
     /// N is bit 7, V bit 15. S is their exclusive or, inverted by bit 23 (which only a program
     /// that writes SREG can set).
-    nv: u32,
+    pub(crate) nv: u32,
     /// H is bit 4.
-    h: u8,
+    pub(crate) h: u8,
     /// T and I in their places.
-    ti: u8,
+    pub(crate) ti: u8,
 }
 
 impl Flags {

@@ -1,5 +1,8 @@
 //! The processor core: registers and memories.
 
+use std::mem::offset_of;
+use std::sync::atomic::{AtomicU64, Ordering};
+
 use crate::alu::Flags;
 use crate::fusion::{fuse, unfuse};
 use crate::isa::{Op, decode, is_two_words};
@@ -10,12 +13,63 @@ const OPS: usize = 0x1_0000;
 /// Bytes of the data space, likewise.
 pub(crate) const DATA: usize = 0x1_0000;
 
+/// Names one state of the program memory of one core and its clones: two cores with the same stamp
+/// hold the same program. It tells where contents come from, not what they are, so it takes no
+/// part in comparisons.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct FlashStamp(u64);
+
+impl FlashStamp {
+    fn new() -> FlashStamp {
+        static NEXT: AtomicU64 = AtomicU64::new(0);
+        FlashStamp(NEXT.fetch_add(1, Ordering::Relaxed))
+    }
+}
+
+impl PartialEq for FlashStamp {
+    fn eq(&self, _: &FlashStamp) -> bool {
+        true
+    }
+}
+
+/// Where translated code finds the state of a [`Core`]: byte offsets from its beginning. All
+/// fields are in the byte order of the host; [`crate::alu`] tells how flags are kept apart.
+#[derive(Clone, Copy, Debug)]
+#[allow(missing_docs, reason = "the names are those of the fields")]
+pub struct Layout {
+    /// `u16`, word address.
+    pub pc: usize,
+    /// `u16`.
+    pub sp: usize,
+    /// `u8`: 0 or 1.
+    pub carry: usize,
+    /// `u8`: 0 if the flag is set.
+    pub zero: usize,
+    /// `u32`: N in bit 7, V in bit 15, S is their exclusive or with bit 23.
+    pub signs: usize,
+    /// `u8`: bit 4.
+    pub half: usize,
+    /// `u8`: T in bit 6, I in bit 7.
+    pub enables: usize,
+    /// `u64`.
+    pub cycle: usize,
+    /// `u64`: no instruction begins at or after this cycle.
+    pub next_event: usize,
+    /// `u64`.
+    pub instructions: usize,
+    /// `u16`.
+    pub lowest_sp: usize,
+    /// `bool`: LPM is the machine's.
+    pub lpm_in_machine: usize,
+}
+
 /// Processor state. `data[0..32]` are the general registers, SRAM lies at `ram_start`.
-#[derive(Clone, Debug)]
-pub(crate) struct Core {
+#[derive(Clone, Debug, PartialEq)]
+pub struct Core {
     pub(crate) ops: Box<[Op; OPS]>,
     pub(crate) data: Box<[u8; DATA]>,
     pub(crate) flash: Vec<u16>,
+    pub(crate) flash_stamp: FlashStamp,
     /// Word address of the next instruction.
     pub(crate) pc: u16,
     pub(crate) sp: u16,
@@ -47,6 +101,7 @@ impl Core {
             ops: boxed(Op::WRAP),
             data: boxed(0),
             flash: vec![0xFFFF; flash_words],
+            flash_stamp: FlashStamp::new(),
             pc: 0,
             sp: ram_start + (ram_bytes - 1),
             flags: Flags::from_sreg(0),
@@ -70,10 +125,6 @@ impl Core {
         self.data[0x20..0x100].fill(0);
     }
 
-    pub(crate) fn flash(&self) -> &[u16] {
-        &self.flash
-    }
-
     /// Writes flash words and decodes them, and the two before them (skip distance, pairs).
     pub(crate) fn write_flash(&mut self, word_address: usize, words: &[u16]) {
         let mask = self.flash.len() - 1;
@@ -84,6 +135,7 @@ impl Core {
     }
 
     fn decode_words(&mut self, first: usize, count: usize) {
+        self.flash_stamp = FlashStamp::new();
         let mask = self.flash.len() - 1;
         // Backwards, so that the instruction behind is known.
         for i in (0..count).rev() {
@@ -97,14 +149,11 @@ impl Core {
 
     /// The predecoded instruction at the program counter.
     pub(crate) fn op(&self) -> Op {
-        let op = self.ops[self.pc as usize];
-        Op {
-            code: unfuse(op.code),
-            ..op
-        }
+        self.op_at(self.pc)
     }
 
-    pub(crate) fn pc_mask(&self) -> u16 {
+    /// Word addresses wrap with this mask.
+    pub fn pc_mask(&self) -> u16 {
         (self.flash.len() - 1) as u16
     }
 
@@ -142,6 +191,60 @@ impl Core {
     /// Pops a return address; the caller has asked [`Core::may_pop`].
     pub(crate) fn pop_pc(&mut self) -> u16 {
         pop_pc(&self.data, &mut self.sp)
+    }
+}
+
+/// What an [`crate::engine::Engine`] may ask of the core.
+impl Core {
+    /// Where translated code finds the state.
+    pub const LAYOUT: Layout = Layout {
+        pc: offset_of!(Core, pc),
+        sp: offset_of!(Core, sp),
+        carry: offset_of!(Core, flags.c),
+        zero: offset_of!(Core, flags.z),
+        signs: offset_of!(Core, flags.nv),
+        half: offset_of!(Core, flags.h),
+        enables: offset_of!(Core, flags.ti),
+        cycle: offset_of!(Core, cycle),
+        next_event: offset_of!(Core, next_event),
+        instructions: offset_of!(Core, instructions),
+        lowest_sp: offset_of!(Core, lowest_sp),
+        lpm_in_machine: offset_of!(Core, lpm_in_machine),
+    };
+
+    /// The predecoded instruction at a word address, never a pair.
+    pub fn op_at(&self, pc: u16) -> Op {
+        let op = self.ops[usize::from(pc)];
+        Op {
+            code: unfuse(op.code),
+            ..op
+        }
+    }
+
+    /// Word address of the next instruction.
+    pub fn pc(&self) -> u16 {
+        self.pc
+    }
+
+    /// Program memory as words, a power of two of them.
+    pub fn flash(&self) -> &[u16] {
+        &self.flash
+    }
+
+    /// A number that changes whenever program memory is written, and is the same only for clones
+    /// with the same program memory.
+    pub fn flash_stamp(&self) -> u64 {
+        self.flash_stamp.0
+    }
+
+    /// Data space of 64 KiB, of which general registers (from 0) and SRAM are kept here.
+    pub fn data_mut(&mut self) -> &mut [u8; 0x1_0000] {
+        &mut self.data
+    }
+
+    /// First data address of the SRAM and its size in bytes.
+    pub fn ram(&self) -> (u16, u16) {
+        (self.ram_start, self.ram_bytes)
     }
 }
 

@@ -4,7 +4,7 @@
 //! register summary (section 36).
 
 /// One chip. A new device of the family is another table.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub struct Device {
     /// Name as compilers and programmers spell it.
     pub name: &'static str,

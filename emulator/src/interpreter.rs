@@ -5,21 +5,19 @@
 
 use crate::alu::{self, Flags};
 use crate::core::{Core, flash_byte, pair, pop_pc, push_pc, set_pair};
+use crate::engine::{Arrivals, Exit, Unwatched};
 use crate::isa::Code;
-
-/// Why [`Core::run`] returned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Exit {
-    /// The next event is due.
-    Event,
-    /// The instruction at `pc` needs the machine.
-    Machine,
-}
 
 impl Core {
     /// Executes until `next_event` or an instruction that needs the machine.
+    pub fn run(&mut self) -> Exit {
+        self.run_watched(&mut Unwatched)
+    }
+
+    /// The same, and asks `arrivals` after each jump, branch taken, call and return whether to
+    /// return there.
     // One match arm per operation: the table of the instruction set, kept in one place.
-    pub(crate) fn run(&mut self) -> Exit {
+    pub fn run_watched<A: Arrivals>(&mut self, arrivals: &mut A) -> Exit {
         let ops = &*self.ops;
         let data = &mut *self.data;
         let flash = &self.flash[..];
@@ -50,12 +48,24 @@ impl Core {
                 next!(1);
             }};
         }
+        // The instruction just executed has jumped to `pc`.
+        macro_rules! arrived {
+            () => {{
+                if A::IS_WATCHING && arrivals.stops_at(pc) {
+                    instructions += 1;
+                    break Exit::Arrival;
+                }
+            }};
+        }
         // A branch taken on a condition.
         macro_rules! branch_if {
             ($op:expr, $condition:expr) => {{
                 let taken = $condition;
                 pc = if taken { $op.k } else { pc.wrapping_add(1) };
                 left -= 1 + i64::from(taken);
+                if A::IS_WATCHING && taken {
+                    arrived!();
+                }
             }};
         }
         macro_rules! skip_if {
@@ -288,6 +298,7 @@ impl Core {
                 Code::Jump => {
                     pc = op.k;
                     left -= i64::from(op.n);
+                    arrived!();
                 }
                 Code::Ijmp => {
                     let target = pair(data, 30);
@@ -296,6 +307,7 @@ impl Core {
                     }
                     pc = target;
                     left -= 2;
+                    arrived!();
                 }
                 Code::Call => {
                     if !fits_call(sp) {
@@ -305,6 +317,7 @@ impl Core {
                     lowest_sp = lowest_sp.min(sp);
                     pc = op.k;
                     left -= i64::from(op.n);
+                    arrived!();
                 }
                 Code::Icall => {
                     let target = pair(data, 30);
@@ -315,6 +328,7 @@ impl Core {
                     lowest_sp = lowest_sp.min(sp);
                     pc = target;
                     left -= 3;
+                    arrived!();
                 }
                 Code::Ret => {
                     let bottom = sp.wrapping_add(1);
@@ -329,6 +343,7 @@ impl Core {
                     sp = after;
                     pc = target;
                     left -= 4;
+                    arrived!();
                 }
                 Code::Push => instruction!(Push op),
                 Code::Pop => instruction!(Pop op),

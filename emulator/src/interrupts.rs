@@ -39,7 +39,7 @@ pub struct VectorStatistics {
 }
 
 /// Requests of all vectors: bit n is vector n.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Interrupts {
     pending: u32,
     since: [u64; vector::COUNT],

@@ -7,7 +7,8 @@
 /// Operation of a predecoded instruction. Operand fields are those of [`Op`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-pub(crate) enum Code {
+#[allow(missing_docs, reason = "the names are the mnemonics of the manual")]
+pub enum Code {
     Nop,
     Movw,
     Mul,
@@ -152,16 +153,17 @@ pub(crate) enum Code {
 /// One predecoded instruction. The meaning of the fields depends on `code`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(8))]
-pub(crate) struct Op {
-    pub(crate) code: Code,
+pub struct Op {
+    /// Operation.
+    pub code: Code,
     /// Destination register (or source of a store).
-    pub(crate) d: u8,
+    pub d: u8,
     /// Source register, immediate, pointer register or bit mask.
-    pub(crate) r: u8,
+    pub r: u8,
     /// Displacement, cycles or number of words to skip.
-    pub(crate) n: u8,
+    pub n: u8,
     /// Absolute word target or data address.
-    pub(crate) k: u16,
+    pub k: u16,
 }
 
 const X: u8 = 26;

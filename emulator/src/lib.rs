@@ -35,6 +35,7 @@ mod core;
 mod device;
 mod disassembler;
 mod elf;
+pub mod engine;
 mod environment;
 mod execute;
 mod fuses;

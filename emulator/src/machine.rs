@@ -69,7 +69,7 @@ pub struct Statistics {
 }
 
 /// One emulated chip. A plain value: a clone is a snapshot.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Machine {
     pub(crate) device: &'static Device,
     /// Clock of the oscillator, before the clock prescaler.
@@ -111,7 +111,7 @@ pub struct Machine {
 }
 
 /// Counters that the core does not keep.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Counters {
     pub(crate) sleeping_cycles: u64,
     pub(crate) conversions: u64,

@@ -4,8 +4,8 @@
 //! cycles, and only then is an interrupt considered. Register accesses first carry out the events
 //! up to their own cycle, so nothing is ever seen out of order.
 
+use crate::engine::{Engine, Exit, Interpreter};
 use crate::environment::Environment;
-use crate::interpreter::Exit;
 use crate::machine::Machine;
 use crate::stop::{Cause, Stop};
 
@@ -59,7 +59,7 @@ impl Source {
 }
 
 /// Next event of each source, and the earliest of them.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Schedule {
     at: [u64; Source::ALL.len()],
     next: u64,
@@ -101,6 +101,16 @@ impl Machine {
     /// Runs until `until_cycle` is reached (at the first instruction boundary at or after it) or
     /// something stops the program. A later call goes on where this one ended.
     pub fn run<E: Environment>(&mut self, env: &mut E, until_cycle: u64) -> Stop {
+        self.run_with(&mut Interpreter, env, until_cycle)
+    }
+
+    /// [`Machine::run`] with another engine, whose code may be kept from one call to the next.
+    pub fn run_with<G: Engine, E: Environment>(
+        &mut self,
+        engine: &mut G,
+        env: &mut E,
+        until_cycle: u64,
+    ) -> Stop {
         let until = until_cycle.min(ENDLESS);
         self.usart.shows_line = E::SERIAL_EDGES;
         self.poll_input(self.core.cycle, env);
@@ -130,7 +140,7 @@ impl Machine {
                 continue;
             }
             self.core.next_event = self.next_attention(until);
-            if self.core.run() == Exit::Machine
+            if engine.run(&mut self.core) == Exit::Machine
                 && let Err(stop) = self.execute_here(env, until)
             {
                 return stop;

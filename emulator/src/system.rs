@@ -18,7 +18,7 @@ pub(crate) mod power {
 }
 
 /// Plain system registers.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct System {
     /// Sleep control: SM2:0 in bits 3:1, SE in bit 0.
     pub(crate) smcr: u8,

@@ -19,7 +19,7 @@ const ADIE: u8 = 0x08;
 const TRIGGER_SYNC: u64 = 3;
 
 /// Progress of a conversion; every variant holds the cycles still to come.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 enum Phase {
     Idle,
     /// Waits for the rising ADC clock edge at `start`.
@@ -40,7 +40,7 @@ enum Phase {
 }
 
 /// What the machine has to do at the ADC's event.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Step {
     Nothing,
     /// Ask for the voltage of a multiplexer input, then call [`Adc::hold`].
@@ -52,7 +52,7 @@ pub(crate) enum Step {
 }
 
 /// Converter state.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Adc {
     admux: u8,
     /// ADEN, ADATE, ADIE, ADPS as written.

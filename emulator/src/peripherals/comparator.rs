@@ -11,7 +11,7 @@ const ACIE: u8 = 0x08;
 const ACIC: u8 = 0x04;
 
 /// Comparator registers.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Comparator {
     control: u8,
     output: bool,

@@ -17,7 +17,7 @@ pub(crate) const READ_HALT: u64 = 4;
 pub(crate) const WRITE_HALT: u64 = 2;
 
 /// EEPROM contents and control.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Eeprom {
     pub(crate) bytes: Vec<u8>,
     address: u16,

@@ -20,7 +20,7 @@ const PCINT_VALID: [u8; 3] = [0xFF, 0x7F, 0xFF];
 pub(crate) type Levels = [u8; 3];
 
 /// Registers and synchroniser.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct External {
     control: u8,
     int_mask: u8,
@@ -166,7 +166,7 @@ impl External {
 
 /// Input capture unit of Timer1 behind the synchroniser: edge detector and noise canceler, which
 /// wants four equal samples in a row (section 16.6.2).
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct CaptureInput {
     level: bool,
     /// A level that differs, and the cycle at which it will have been steady for four samples.

@@ -26,7 +26,7 @@ impl Override {
 }
 
 /// Registers and output stage of one port.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Port {
     pub(crate) port: u8,
     pub(crate) ddr: u8,

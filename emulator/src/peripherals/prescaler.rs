@@ -4,7 +4,7 @@
 //! enabled comes 1 to N clocks later. PSRSYNC/PSRASY reset it, TSM holds it in reset.
 
 /// Prescaler phase: the cycle at which the count was zero.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Prescaler {
     origin: u64,
     held: bool,

@@ -13,7 +13,7 @@ const SPI2X: u8 = 0x01;
 const EDGES: u8 = 16;
 
 /// A byte under way.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Transfer {
     out: u8,
     input: u8,
@@ -24,7 +24,7 @@ struct Transfer {
 }
 
 /// SPI registers and shift register.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Spi {
     control: u8,
     double: u8,

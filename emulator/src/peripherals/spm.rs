@@ -35,7 +35,7 @@ pub(crate) enum SpecialRead {
 }
 
 /// Control register and page buffer.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Spm {
     control: u8,
     armed_until: u64,

@@ -37,7 +37,7 @@ pub(crate) enum Register {
 }
 
 /// What tells one timer from another.
-#[derive(Debug)]
+#[derive(Debug, PartialEq)]
 pub(crate) struct Kind {
     max: u16,
     modes: &'static [Option<Mode>],
@@ -67,7 +67,7 @@ const TIMER2: Kind = Kind {
 const KINDS: [&Kind; 3] = [&TIMER0, &TIMER1, &TIMER2];
 
 /// State of one timer, valid for the clock edges up to and including cycle `last`.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Timer {
     kind: &'static Kind,
     last: u64,

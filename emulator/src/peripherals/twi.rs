@@ -27,7 +27,7 @@ pub(crate) enum Action {
 }
 
 /// TWI registers.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Twi {
     bit_rate: u8,
     prescaler: u8,

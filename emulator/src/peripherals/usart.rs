@@ -28,14 +28,14 @@ pub(crate) struct Requests {
 }
 
 /// A received frame waiting in the FIFO.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 struct Received {
     byte: u8,
     ninth: bool,
 }
 
 /// USART state.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Usart {
     status: u8,
     control_b: u8,

@@ -21,7 +21,7 @@ pub(crate) enum TimeOut {
 }
 
 /// Watchdog register and counter.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Watchdog {
     control: u8,
     flag: bool,
