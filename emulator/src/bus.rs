@@ -1,7 +1,7 @@
 //! The I/O bus: register addresses to peripherals.
 //!
 //! `at` is the cycle of the access; events up to it have been carried out. A write takes effect
-//! at the edge `at + 1`.
+//! at the edge that ends its cycle.
 
 use crate::environment::Environment;
 use crate::machine::Machine;
@@ -106,15 +106,14 @@ impl Machine {
         }
     }
 
-    /// Writes the I/O register at a data address.
+    /// Writes the I/O register at a data address with effect at cycle `edge`.
     pub(crate) fn write_io<E: Environment>(
         &mut self,
         address: u16,
         value: u8,
-        at: u64,
+        edge: u64,
         env: &mut E,
     ) {
-        let edge = at + 1;
         if let Some((number, register)) = timer_register(address) {
             self.write_timer(number, register, value, edge, env);
             return;

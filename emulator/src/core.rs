@@ -1,11 +1,13 @@
 //! The processor core: registers and memories.
 
+use std::collections::BTreeSet;
 use std::mem::offset_of;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::alu::Flags;
 use crate::fusion::{fuse, unfuse};
-use crate::isa::{Op, decode, is_two_words};
+use crate::engine::Exit;
+use crate::isa::{Code, Op, decode, is_two_words};
 
 /// Words the operation table holds: the whole range of the program counter, so that indexing
 /// with a `u16` needs no check.
@@ -83,6 +85,12 @@ pub struct Core {
     pub(crate) lowest_sp: u16,
     pub(crate) ram_start: u16,
     pub(crate) ram_bytes: u16,
+    /// The part of SRAM that the interpreter accesses by itself: all of it, unless a debugger
+    /// watches some of it.
+    pub(crate) window_start: u16,
+    pub(crate) window_bytes: u16,
+    /// Word addresses of breakpoints.
+    breakpoints: BTreeSet<u16>,
     /// LPM may have to read fuses or signature: leave it to the machine.
     pub(crate) lpm_in_machine: bool,
 }
@@ -111,6 +119,9 @@ impl Core {
             lowest_sp: ram_start + (ram_bytes - 1),
             ram_start,
             ram_bytes,
+            window_start: ram_start,
+            window_bytes: ram_bytes,
+            breakpoints: BTreeSet::new(),
             lpm_in_machine: false,
         };
         core.decode_words(0, flash_words);
@@ -143,8 +154,46 @@ impl Core {
             let mut op = decode(&self.flash, pc);
             let behind = pc + 1 + usize::from(is_two_words(self.flash[pc]));
             op.code = fuse(op.code, unfuse(self.ops[behind].code));
+            if self.breakpoints.contains(&(pc as u16)) {
+                op.code = Code::Breakpoint;
+            }
             self.ops[pc] = op;
         }
+    }
+
+    /// Sets or removes a breakpoint: a code in the place of the instruction's own, so that it
+    /// costs nothing until it is reached. No pair is fused across it.
+    pub(crate) fn set_breakpoint(&mut self, word_address: u16, is_set: bool) {
+        let pc = word_address & self.pc_mask();
+        if is_set {
+            self.breakpoints.insert(pc);
+        } else {
+            self.breakpoints.remove(&pc);
+        }
+        self.decode_words(usize::from(pc).wrapping_sub(2), 3);
+    }
+
+    /// Removes all breakpoints.
+    pub(crate) fn clear_breakpoints(&mut self) {
+        while let Some(pc) = self.breakpoints.first().copied() {
+            self.set_breakpoint(pc, false);
+        }
+    }
+
+    /// Whether the program counter stands at a breakpoint.
+    pub(crate) fn is_at_breakpoint(&self) -> bool {
+        self.ops[self.pc as usize].code == Code::Breakpoint
+    }
+
+    /// Executes the instruction that a breakpoint hides, unless it needs the machine.
+    pub(crate) fn run_past_breakpoint(&mut self) -> Exit {
+        let at = usize::from(self.pc);
+        let plain = self.op();
+        let hidden = std::mem::replace(&mut self.ops[at], plain);
+        self.next_event = self.cycle + 1;
+        let exit = self.run();
+        self.ops[at] = hidden;
+        exit
     }
 
     /// The predecoded instruction at the program counter.
@@ -215,9 +264,12 @@ impl Core {
     /// The predecoded instruction at a word address, never a pair.
     pub fn op_at(&self, pc: u16) -> Op {
         let op = self.ops[usize::from(pc)];
-        Op {
-            code: unfuse(op.code),
-            ..op
+        match op.code {
+            Code::Breakpoint => decode(&self.flash, usize::from(pc)),
+            code => Op {
+                code: unfuse(code),
+                ..op
+            },
         }
     }
 
@@ -312,6 +364,37 @@ mod tests {
                 patched.write_flash(i, &words[i..=i]);
             }
             prop_assert_eq!(&whole.ops[..64], &patched.ops[..64]);
+        }
+
+        #[test]
+        fn breakpoints_leave_no_trace_whatever_is_written_meanwhile(
+            words in prop::collection::vec(word(), 64),
+            changes in prop::collection::vec((0usize..64, prop::option::of(word())), 1..40),
+        ) {
+            let mut plain = Core::new(64, 0x100, 0x100);
+            plain.write_flash(0, &words);
+            let mut debugged = plain.clone();
+            for (at, change) in changes {
+                match change {
+                    Some(word) => {
+                        plain.write_flash(at, &[word]);
+                        debugged.write_flash(at, &[word]);
+                    }
+                    None => {
+                        let is_set = !debugged.breakpoints.contains(&(at as u16));
+                        debugged.set_breakpoint(at as u16, is_set);
+                    }
+                }
+                for pc in 0..64 {
+                    debugged.pc = pc;
+                    plain.pc = pc;
+                    prop_assert_eq!(debugged.op(), plain.op());
+                    let is_set = debugged.breakpoints.contains(&pc);
+                    prop_assert_eq!(debugged.is_at_breakpoint(), is_set);
+                }
+            }
+            debugged.clear_breakpoints();
+            prop_assert_eq!(&plain.ops[..64], &debugged.ops[..64]);
         }
     }
 }

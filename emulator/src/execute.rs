@@ -5,10 +5,12 @@
 
 use crate::alu::{self, Flags};
 use crate::environment::Environment;
+use crate::engine::Exit;
 use crate::isa::{Code, Op};
 use crate::machine::Machine;
 use crate::registers as io;
 use crate::stop::{Cause, Stop};
+use crate::traps::Sprung;
 
 impl Machine {
     /// Executes the instruction at the program counter; `until` bounds the skipping of idle loops.
@@ -17,6 +19,14 @@ impl Machine {
         env: &mut E,
         until: u64,
     ) -> Result<(), Stop> {
+        if self.core.is_at_breakpoint() {
+            if !self.may_pass_breakpoint() {
+                return Err(self.spring(Sprung::Breakpoint));
+            }
+            if self.core.run_past_breakpoint() != Exit::Machine {
+                return Ok(());
+            }
+        }
         let op = self.core.op();
         if let Some(stop) = self.stopping(op, env) {
             return Err(stop);
@@ -37,7 +47,9 @@ impl Machine {
             }
             Code::Break => {
                 self.advance(1, 1);
-                self.drain_transmitter(env);
+                if !self.traps.is_attached {
+                    self.drain_transmitter(env);
+                }
                 Some(Stop::Break)
             }
             Code::Sleep if self.system.sleep_enabled() && deaf && !self.may_reset() => {
@@ -196,6 +208,7 @@ impl Machine {
                 is_store: false,
             });
         }
+        self.touch(address, false);
         if !(0x20..self.device.sram_start).contains(&address) {
             return Ok(self.core.data[usize::from(address)]);
         }
@@ -217,12 +230,13 @@ impl Machine {
                 is_store: true,
             });
         }
+        self.touch(address, true);
         if !(0x20..self.device.sram_start).contains(&address) {
             self.core.data[usize::from(address)] = value;
             return Ok(());
         }
         self.fire_events(at, env);
-        self.write_io(address, value, at, env);
+        self.write_io(address, value, at + 1, env);
         self.fault.take().map_or(Ok(()), Err)
     }
 
@@ -269,7 +283,7 @@ impl Machine {
     }
 
     /// Lets the transmitter finish: its bytes appear at their own cycles, after the stop.
-    fn drain_transmitter<E: Environment>(&mut self, env: &mut E) {
+    pub(crate) fn drain_transmitter<E: Environment>(&mut self, env: &mut E) {
         while self.usart.is_sending() {
             let Some(at) = self.usart.next_event() else {
                 return;
@@ -298,7 +312,8 @@ impl Machine {
         }
     }
 
-    /// RETI, and the stack instructions that the core refused.
+    /// RETI, and the stack instructions that the core left to the machine: outside SRAM, or where
+    /// a debugger watches.
     fn stack_op(&mut self, op: Op) -> Result<(), Cause> {
         let sp = self.core.sp;
         let fits = match op.code {
@@ -310,20 +325,63 @@ impl Machine {
         if !fits {
             return Err(Cause::StackOutOfMemory { sp });
         }
-        if op.code == Code::Icall {
-            return Err(self.pc_out_of_memory(self.core.pair(30)));
+        match op.code {
+            Code::Push => self.push(op.d),
+            Code::Pop => self.pop(op.d),
+            Code::Call => self.call(op.k, u16::from(op.r), u64::from(op.n)),
+            Code::Icall => {
+                let target = self.core.pair(30);
+                if target > self.core.pc_mask() {
+                    return Err(self.pc_out_of_memory(target));
+                }
+                self.call(target, 1, 3);
+            }
+            _ => return self.return_from(op.code == Code::Reti),
         }
+        Ok(())
+    }
+
+    fn push(&mut self, register: u8) {
+        self.touch_stack(0, 1, true);
+        let sp = self.core.sp;
+        self.core.data[usize::from(sp)] = self.core.data[usize::from(register)];
+        self.core.sp = sp.wrapping_sub(1);
+        self.core.lowest_sp = self.core.lowest_sp.min(self.core.sp);
+        self.advance(1, 2);
+    }
+
+    fn pop(&mut self, register: u8) {
+        self.touch_stack(1, 1, false);
+        self.core.sp = self.core.sp.wrapping_add(1);
+        self.core.data[usize::from(register)] = self.core.data[usize::from(self.core.sp)];
+        self.advance(1, 2);
+    }
+
+    fn call(&mut self, target: u16, words: u16, cycles: u64) {
+        self.touch_stack(0, 2, true);
+        let behind = self.core.pc.wrapping_add(words) & self.core.pc_mask();
+        self.core.push_pc(behind);
+        self.advance(0, cycles);
+        self.core.pc = target;
+    }
+
+    fn return_from(&mut self, is_interrupt: bool) -> Result<(), Cause> {
+        let sp = self.core.sp;
         let target = self.core.pop_pc();
         if target > self.core.pc_mask() {
             self.core.sp = sp;
             return Err(self.pc_out_of_memory(target));
         }
-        self.core.flags.enable_interrupts(true);
-        // RETI always lets one instruction of the interrupted program execute.
-        self.one_more = true;
+        if is_interrupt {
+            self.core.flags.enable_interrupts(true);
+            // RETI always lets one instruction of the interrupted program execute.
+            self.one_more = true;
+        }
+        let after = std::mem::replace(&mut self.core.sp, sp);
+        self.touch_stack(1, 2, false);
+        self.core.sp = after;
+        self.advance(0, 4);
         self.core.pc = target;
-        self.core.cycle += 4;
-        self.core.instructions += 1;
         Ok(())
     }
 }

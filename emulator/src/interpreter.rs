@@ -21,7 +21,8 @@ impl Core {
         let ops = &*self.ops;
         let data = &mut *self.data;
         let flash = &self.flash[..];
-        let (ram_start, ram_bytes) = (self.ram_start, self.ram_bytes);
+        // Addresses outside the window are left to the machine: I/O, and what a debugger watches.
+        let (ram_start, ram_bytes) = (self.window_start, self.window_bytes);
         let (next_event, lpm_in_machine) = (self.next_event, self.lpm_in_machine);
         let (mut pc, mut sp, mut flags) = (self.pc, self.sp, self.flags);
         // Cycles left until the event: counted down, so that the test is part of the subtraction.
@@ -483,6 +484,7 @@ impl Core {
                 | Code::Sbic
                 | Code::Sbis
                 | Code::JumpSelf
+                | Code::Breakpoint
                 | Code::Invalid => break Exit::Machine,
             }
             instructions += 1;

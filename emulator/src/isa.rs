@@ -144,6 +144,8 @@ pub enum Code {
     Sbis,
     /// A jump to itself (word address `k`, `n` cycles).
     JumpSelf,
+    /// A debugger wants the program to halt before the instruction here (see `crate::traps`).
+    Breakpoint,
     /// Beyond the last flash word: the program counter wraps, at no cost.
     Wrap,
     /// Not an instruction of this core.

@@ -32,6 +32,7 @@
 mod alu;
 mod bus;
 mod core;
+mod debugger;
 mod device;
 mod disassembler;
 mod elf;
@@ -52,10 +53,12 @@ mod registers;
 mod schedule;
 mod stop;
 mod system;
+mod traps;
 mod wiring;
 mod wiring_pins;
 mod wiring_serial;
 
+pub use debugger::{Debugger, SessionError, State};
 pub use device::{ATMEGA328P, Device};
 pub use disassembler::disassemble;
 pub use environment::{

@@ -23,6 +23,7 @@ use crate::power::{ResetCause, SleepMode};
 use crate::schedule::Schedule;
 use crate::stop::{Cause, Crash, Report, Stop};
 use crate::system::System;
+use crate::traps::Traps;
 
 /// Supply and reference voltages, in volts.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -108,6 +109,7 @@ pub struct Machine {
     pub(crate) pending_reset: Option<ResetCause>,
     pub(crate) statistics: Counters,
     pub(crate) reports: Vec<Report>,
+    pub(crate) traps: Traps,
 }
 
 /// Counters that the core does not keep.
@@ -156,6 +158,7 @@ impl Machine {
             pending_reset: None,
             statistics: Counters::default(),
             reports: Vec::new(),
+            traps: Traps::default(),
         }
     }
 

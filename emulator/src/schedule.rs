@@ -8,6 +8,7 @@ use crate::engine::{Engine, Exit, Interpreter};
 use crate::environment::Environment;
 use crate::machine::Machine;
 use crate::stop::{Cause, Stop};
+use crate::traps::Sprung;
 
 /// No event planned.
 pub(crate) const NEVER: u64 = u64::MAX;
@@ -139,11 +140,20 @@ impl Machine {
                 }
                 continue;
             }
+            if self.core.instructions >= self.traps.step_end {
+                return self.spring(Sprung::Step);
+            }
+            let (held, before) = (self.one_more, self.core.instructions);
             self.core.next_event = self.next_attention(until);
             if engine.run(&mut self.core) == Exit::Machine
                 && let Err(stop) = self.execute_here(env, until)
             {
+                // A stop before the first instruction leaves everything for the next run.
+                self.one_more |= held && self.core.instructions == before;
                 return stop;
+            }
+            if self.traps.sprung.is_some() {
+                return Stop::Requested;
             }
         }
     }
@@ -160,7 +170,8 @@ impl Machine {
     /// Cycle at which the core has to return: one instruction later while an interrupt is held
     /// back by SEI or RETI, else at the next event.
     fn next_attention(&mut self, until: u64) -> u64 {
-        if std::mem::take(&mut self.one_more) && self.interrupts.any() {
+        let is_held = std::mem::take(&mut self.one_more) && self.interrupts.any();
+        if is_held || self.traps.is_stepping() {
             return self.core.cycle + 1;
         }
         let held = self.system.interrupts_held_until();
@@ -183,6 +194,7 @@ impl Machine {
             return Err(Cause::StackOutOfMemory { sp: self.core.sp });
         }
         self.interrupts.enter(vector, self.core.cycle);
+        self.touch_stack(0, 2, true);
         self.core.push_pc(self.core.pc & self.core.pc_mask());
         self.core.flags.enable_interrupts(false);
         self.acknowledge(vector, self.core.cycle, env);

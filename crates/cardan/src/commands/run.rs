@@ -1,6 +1,7 @@
 //! `run`: executes any AVR program in the emulator, as a peer's simulator would.
 
 mod desk;
+mod gdb;
 mod pty;
 mod serial;
 mod standard_input;
@@ -73,6 +74,11 @@ pub(crate) struct Arguments {
     /// Writes the levels of all pins as a value change dump.
     #[arg(long, value_name = "FILE")]
     vcd: Option<PathBuf>,
+    /// Waits for a debugger such as `avr-gdb` at HOST:PORT, or at a port of this machine (0 picks
+    /// one and says which), and lets it steer the run. The run ends with the debugger, unless that
+    /// detaches.
+    #[arg(long, value_name = "ADDR")]
+    gdb: Option<gdb::Address>,
     /// Exits with the program's own code, register r24 (the low byte of what `main` returned),
     /// when it ends by itself; with 3 when the cycle limit comes first.
     #[arg(long)]
@@ -83,12 +89,24 @@ pub(crate) struct Arguments {
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     let mut machine = machine(arguments)?;
     let mut desk = Desk::new(connections(arguments)?);
+    let port = arguments.gdb.as_ref().map(gdb::Port::open).transpose()?;
     let mut line = Line::open(arguments.uart.as_ref(), arguments.freq, output)?;
     if let Some(file) = &arguments.vcd {
         desk.waveform = Some(Waveform::create(file, arguments.freq)?);
     }
     let begin = Instant::now();
-    let stop = run(&mut machine, &mut desk, &mut line, arguments.cycles)?;
+    let limit = arguments.cycles.unwrap_or(u64::MAX);
+    let mut early_stop = None;
+    let mut is_lost = false;
+    if let Some(port) = port {
+        let left = port.serve(machine, desk, &mut line, limit)?;
+        (machine, desk) = (left.machine, left.desk);
+        (early_stop, is_lost) = (left.stop, left.is_lost);
+    }
+    let stop = match early_stop {
+        Some(stop) => stop,
+        None => run(&mut machine, &mut desk, &mut line, limit)?,
+    };
     let host_seconds = begin.elapsed().as_secs_f64();
     line.close(&mut desk)?;
     if let Some(waveform) = desk.waveform.take() {
@@ -105,6 +123,10 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         output.error(&format!("{}: crash {crash}", arguments.file.display()));
     }
     output.note(&summary.to_string());
+    if is_lost {
+        output.error(&"--gdb: the debugger is gone; the run ended where it stood");
+        return Ok(ExitCode::from(code::PARTICIPANT));
+    }
     Ok(exit_code(&stop, &machine, arguments.program_exit))
 }
 
@@ -150,19 +172,22 @@ fn run(
     machine: &mut Machine,
     desk: &mut Desk,
     line: &mut Line,
-    limit: Option<u64>,
+    limit: u64,
 ) -> Result<Stop, Failure> {
-    let limit = limit.unwrap_or(u64::MAX);
     loop {
-        let slice = (machine.frequency_hz() / SLICES_PER_SECOND).max(1);
-        let until = machine.cycle().saturating_add(slice).min(limit);
-        let stop = machine.run(desk, until);
+        let stop = machine.run(desk, slice_end(machine, limit));
         line.exchange(desk, machine.cycle())?;
         let is_over = stop != Stop::Limit || machine.cycle() >= limit;
         if is_over || desk.is_closed {
             return Ok(stop);
         }
     }
+}
+
+/// The cycle at which the slice that begins now ends.
+fn slice_end(machine: &Machine, limit: u64) -> u64 {
+    let slice = (machine.frequency_hz() / SLICES_PER_SECOND).max(1);
+    machine.cycle().saturating_add(slice).min(limit)
 }
 
 /// The exit code: 0, or 4 after a crash, or with `--program-exit` the program's own.
