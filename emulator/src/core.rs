@@ -5,8 +5,8 @@ use std::mem::offset_of;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use crate::alu::Flags;
-use crate::fusion::{fuse, unfuse};
 use crate::engine::Exit;
+use crate::fusion::{fuse, unfuse};
 use crate::isa::{Code, Op, decode, is_two_words};
 
 /// Words the operation table holds: the whole range of the program counter, so that indexing

@@ -4,8 +4,8 @@
 //! in the first): a write takes effect at the clock edge that ends that cycle.
 
 use crate::alu::{self, Flags};
-use crate::environment::Environment;
 use crate::engine::Exit;
+use crate::environment::Environment;
 use crate::isa::{Code, Op};
 use crate::machine::Machine;
 use crate::registers as io;

@@ -45,10 +45,24 @@ pub fn text(path: &Path) -> &str {
 /// The compiler is missing (with the command that installs it) or refuses the program.
 #[must_use]
 pub fn compile(name: &str, folder: &Path) -> PathBuf {
+    compile_with(&["-Os"], name, folder)
+}
+
+/// The same with debug information, and statements in their order.
+///
+/// # Panics
+/// As [`compile`].
+#[must_use]
+pub fn compile_for_debugger(name: &str, folder: &Path) -> PathBuf {
+    compile_with(&["-Og", "-g"], name, folder)
+}
+
+fn compile_with(options: &[&str], name: &str, folder: &Path) -> PathBuf {
     let source = root().join("tests/programs").join(format!("{name}.c"));
     let elf = folder.join(format!("{name}.elf"));
     let mut gcc = Command::new("avr-gcc");
-    gcc.args(["-mmcu=atmega328p", "-Os", "-Wall", "-Werror", "-o"])
+    gcc.args(options)
+        .args(["-mmcu=atmega328p", "-Wall", "-Werror", "-o"])
         .arg(&elf)
         .arg(source);
     succeed(gcc);

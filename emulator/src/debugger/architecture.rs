@@ -41,7 +41,9 @@ impl Registers for AvrRegisters {
 
     fn gdb_serialize(&self, mut write_byte: impl FnMut(Option<u8>)) {
         let bytes = self.general.iter().copied().chain([self.sreg]);
-        let bytes = bytes.chain(self.sp.to_le_bytes()).chain(self.pc.to_le_bytes());
+        let bytes = bytes
+            .chain(self.sp.to_le_bytes())
+            .chain(self.pc.to_le_bytes());
         bytes.for_each(|byte| write_byte(Some(byte)));
     }
 

@@ -53,7 +53,8 @@ impl<E: Environment> Chip<E> {
     /// Prepares to go on. A breakpoint at which the client knows the chip to stand is passed.
     pub(super) fn resume(&mut self, plan: Plan) {
         self.machine.traps.sprung = None;
-        self.machine.pass_from_here(self.machine.pc() == self.known_pc);
+        self.machine
+            .pass_from_here(self.machine.pc() == self.known_pc);
         self.machine.set_step(plan != Plan::Continue);
         self.at_break = false;
         self.plan = plan;
@@ -100,7 +101,8 @@ impl<E: Environment> Chip<E> {
 
     /// Resets the chip, as its pin RESET does.
     pub(super) fn reset(&mut self) {
-        self.machine.reset(ResetCause::External, &mut self.environment);
+        self.machine
+            .reset(ResetCause::External, &mut self.environment);
         self.moved();
     }
 

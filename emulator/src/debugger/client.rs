@@ -46,6 +46,11 @@ impl<E: Environment> Target for Chip<E> {
         BaseOps::SingleThread(self)
     }
 
+    /// Simple clients do not know run-length encoding, and packets are short.
+    fn use_rle(&self) -> bool {
+        false
+    }
+
     fn support_breakpoints(&mut self) -> Option<BreakpointsOps<'_, Self>> {
         Some(self)
     }
@@ -76,9 +81,7 @@ impl<E: Environment> SingleThreadBase for Chip<E> {
         Ok(())
     }
 
-    fn support_single_register_access(
-        &mut self,
-    ) -> Option<SingleRegisterAccessOps<'_, (), Self>> {
+    fn support_single_register_access(&mut self) -> Option<SingleRegisterAccessOps<'_, (), Self>> {
         Some(self)
     }
 
@@ -111,7 +114,10 @@ impl<E: Environment> SingleRegisterAccess<()> for Chip<E> {
         register: Register,
         buffer: &mut [u8],
     ) -> TargetResult<usize, Self> {
-        let (sp, pc) = (self.machine.sp().to_le_bytes(), self.machine.pc().to_le_bytes());
+        let (sp, pc) = (
+            self.machine.sp().to_le_bytes(),
+            self.machine.pc().to_le_bytes(),
+        );
         let value: &[u8] = match register {
             Register::General(number) => &[self.machine.registers()[usize::from(number)]],
             Register::Sreg => &[self.machine.sreg()],
@@ -123,7 +129,12 @@ impl<E: Environment> SingleRegisterAccess<()> for Chip<E> {
         Ok(value.len())
     }
 
-    fn write_register(&mut self, (): (), register: Register, value: &[u8]) -> TargetResult<(), Self> {
+    fn write_register(
+        &mut self,
+        (): (),
+        register: Register,
+        value: &[u8],
+    ) -> TargetResult<(), Self> {
         match (register, value) {
             (Register::General(number), &[value]) => {
                 self.machine.data_mut()[usize::from(number)] = value;
@@ -186,7 +197,9 @@ impl<E: Environment> Chip<E> {
     fn breakpoint(&mut self, address: u32, is_set: bool) -> bool {
         let is_there = ((address / 2) as usize) < self.machine.flash().len();
         if is_there {
-            self.machine.core.set_breakpoint((address / 2) as u16, is_set);
+            self.machine
+                .core
+                .set_breakpoint((address / 2) as u16, is_set);
         }
         is_there
     }

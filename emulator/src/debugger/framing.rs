@@ -68,7 +68,10 @@ impl Framing {
     fn complete(&mut self) -> Frame {
         self.checksum_left = None;
         let frame = std::mem::take(&mut self.frame);
-        let body = frame.len().checked_sub(OVERHEAD).map(|size| &frame[1..=size]);
+        let body = frame
+            .len()
+            .checked_sub(OVERHEAD)
+            .map(|size| &frame[1..=size]);
         let sent = frame.last_chunk().and_then(|digits: &[u8; 2]| {
             let text = std::str::from_utf8(digits).ok()?;
             u8::from_str_radix(text, 16).ok()
@@ -112,7 +115,10 @@ mod tests {
 
     fn frames(bytes: &[u8]) -> Vec<Frame> {
         let mut framing = Framing::default();
-        bytes.iter().filter_map(|&byte| framing.take(byte)).collect()
+        bytes
+            .iter()
+            .filter_map(|&byte| framing.take(byte))
+            .collect()
     }
 
     #[test]

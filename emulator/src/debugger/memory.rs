@@ -31,10 +31,15 @@ impl<E: Environment> Chip<E> {
             let words = self.machine.flash();
             let first = words.len().min(address as usize / 2);
             let last = words.len().min(first + to.len() / 2 + 2);
-            flash = words[first..last].iter().flat_map(|word| word.to_le_bytes()).collect();
+            flash = words[first..last]
+                .iter()
+                .flat_map(|word| word.to_le_bytes())
+                .collect();
             (&flash[..], address % 2)
         };
-        let there = bytes.get(offset as usize..).filter(|there| !there.is_empty());
+        let there = bytes
+            .get(offset as usize..)
+            .filter(|there| !there.is_empty());
         let there = there.ok_or(NoMemory)?;
         let count = there.len().min(to.len());
         to[..count].copy_from_slice(&there[..count]);
@@ -69,7 +74,10 @@ impl<E: Environment> Chip<E> {
             return written.map_err(|_| NoMemory);
         }
         if EEPROM.contains(&address) {
-            let cell = self.machine.eeprom_mut().get_mut((address - EEPROM.start) as usize);
+            let cell = self
+                .machine
+                .eeprom_mut()
+                .get_mut((address - EEPROM.start) as usize);
             *cell.ok_or(NoMemory)? = byte;
             return Ok(());
         }
@@ -77,7 +85,8 @@ impl<E: Environment> Chip<E> {
         let word = *self.machine.flash().get(index).ok_or(NoMemory)?;
         let mut bytes = word.to_le_bytes();
         bytes[address as usize % 2] = byte;
-        self.machine.write_flash(index, &[u16::from_le_bytes(bytes)]);
+        self.machine
+            .write_flash(index, &[u16::from_le_bytes(bytes)]);
         Ok(())
     }
 }

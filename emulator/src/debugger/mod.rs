@@ -21,7 +21,7 @@ use gdbstub::stub::state_machine::GdbStubStateMachine;
 use gdbstub::stub::{DisconnectReason, GdbStub, SingleThreadStopReason};
 
 use self::chip::Chip;
-use self::framing::{Framing, Frame};
+use self::framing::{Frame, Framing};
 use crate::environment::Environment;
 use crate::machine::Machine;
 use crate::stop::Stop;

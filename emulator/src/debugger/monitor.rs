@@ -51,9 +51,14 @@ impl<E: Environment> Chip<E> {
             if wanted.is_some_and(|wanted| !name.eq_ignore_ascii_case(wanted)) {
                 continue;
             }
-            let value = self.machine.peek(address..address + 1, &mut self.environment);
+            let value = self
+                .machine
+                .peek(address..address + 1, &mut self.environment);
             for value in value {
-                let _ = writeln!(text, "{name:<8} {address:#06x}  {value:#04x}  {value:#010b}");
+                let _ = writeln!(
+                    text,
+                    "{name:<8} {address:#06x}  {value:#04x}  {value:#010b}"
+                );
             }
         }
         match wanted {

@@ -186,7 +186,7 @@ fn avr_tools() -> [Part; 3] {
     ]
 }
 
-fn test_tools() -> [Part; 6] {
+fn test_tools() -> [Part; 7] {
     [
         Part::new(
             "gcc",
@@ -218,6 +218,13 @@ fn test_tools() -> [Part; 6] {
             "libsimavr's headers need it",
             header("libelf.h", "libelf-dev"),
             Install::Packages(&["libelf-dev"]),
+        ),
+        Part::new(
+            "avr-gdb",
+            Need::Tests,
+            "debugs programs in the emulator (run --gdb)",
+            program("avr-gdb", &["--version"]),
+            Install::Packages(&["gdb-avr"]),
         ),
         Part::new(
             "python oracles",

@@ -91,8 +91,13 @@ impl Port {
         line: &mut Line,
         limit: u64,
     ) -> Result<Left, Failure> {
-        let (stream, _) = self.listener.accept().map_err(|error| self.broken(&error))?;
-        stream.set_nodelay(true).map_err(|error| self.broken(&error))?;
+        let (stream, _) = self
+            .listener
+            .accept()
+            .map_err(|error| self.broken(&error))?;
+        stream
+            .set_nodelay(true)
+            .map_err(|error| self.broken(&error))?;
         let mut debugger = Debugger::new(machine, desk).map_err(|error| self.gave_up(&error))?;
         let is_lost = self.converse(&mut debugger, stream, line, limit)?;
         let is_detached = debugger.state() == State::Detached;
@@ -140,7 +145,9 @@ impl Port {
                 self.run(debugger, line, limit)?;
             }
             let said = debugger.take_output();
-            let sent = stream.set_nonblocking(false).and_then(|()| stream.write_all(&said));
+            let sent = stream
+                .set_nonblocking(false)
+                .and_then(|()| stream.write_all(&said));
             if sent.is_err() {
                 let is_over = matches!(debugger.state(), State::Detached | State::Killed);
                 return Ok(!is_over);
@@ -162,13 +169,18 @@ impl Port {
         let desk = debugger.environment_mut();
         line.exchange(desk, cycle)?;
         if desk.is_closed {
-            debugger.end(Stop::Requested).map_err(|error| self.gave_up(&error))?;
+            debugger
+                .end(Stop::Requested)
+                .map_err(|error| self.gave_up(&error))?;
         }
         Ok(())
     }
 
     fn broken(&self, error: &io::Error) -> Failure {
-        Failure::participant(format!("--gdb {}: {error}; start the run again", self.address))
+        Failure::participant(format!(
+            "--gdb {}: {error}; start the run again",
+            self.address
+        ))
     }
 
     fn gave_up(&self, error: &SessionError) -> Failure {
