@@ -7,10 +7,12 @@ use cardan_datapath::rounding::exact;
 use cardan_datapath::{Format, Overflow};
 
 /// An exact word: raw / 2^frac.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Word {
-    pub(crate) raw: i64,
-    pub(crate) frac: u32,
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Word {
+    /// The raw integer.
+    pub raw: i64,
+    /// Its fractional bits.
+    pub frac: u32,
 }
 
 /// A raw word of the result's format, and whether the exact result did not fit it.

@@ -4,6 +4,9 @@
 //! [`cardan_datapath::Deployed`] bit for bit; with none it is the real interpretation; with the
 //! first k nodes quantised it tells what share of the rounding error each node brings.
 //!
+//! A [`cardan_datapath::Datapath`] is recorded once as a [`tape::Tape`]; [`trial::Trial`] then tries
+//! formats on it without recompiling, at the speed of compiled code.
+//!
 //! An algorithm that is to run over several arithmetics implements [`Algorithm`]:
 //!
 //! ```
@@ -44,8 +47,11 @@ mod exact;
 mod formats;
 mod mixed;
 mod recorder;
+pub mod tape;
+pub mod trial;
 
-pub use algorithm::{Algorithm, record};
+pub use algorithm::{Algorithm, Steps, record};
+pub use exact::Word;
 pub use formats::{Formats, FormatsError};
 pub use mixed::{Mixed, Number, Observer, Trap};
 pub use recorder::{DeployedRecorder, Overflows, Recorder, Recording};

@@ -236,12 +236,12 @@ fn unrounded<O: Observer, N: Node>(real: f64) -> Value<Mixed<O>, N> {
 }
 
 /// The end of the `f64` range for an infinite result. (Finite operands never give NaN here.)
-fn finite(value: f64) -> f64 {
+pub(crate) fn finite(value: f64) -> f64 {
     value.clamp(f64::MIN, f64::MAX)
 }
 
 /// `value` modulo the range of `format`, from -half the range up to and without half of it; exact.
-fn wrapped(value: f64, format: Format) -> f64 {
+pub(crate) fn wrapped(value: f64, format: Format) -> f64 {
     let half = -format.real(format.min_raw());
     let rest = value % (2.0 * half);
     if rest >= half {

@@ -1,6 +1,7 @@
 //! The attitude sensor: two tilt and two field channels, both Cardan solutions.
 
 mod board;
+mod datapath;
 mod emulated;
 mod frames;
 mod golden;
@@ -8,6 +9,8 @@ mod mixed;
 mod native;
 mod schedule;
 mod tolerances;
+
+pub use datapath::AttitudeDatapath;
 
 use std::sync::Arc;
 
