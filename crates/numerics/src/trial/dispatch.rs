@@ -2,13 +2,21 @@
 
 use std::ops::Range;
 
-use pulp::Arch;
+use pulp::{Arch, NullaryFnOnce};
 
 use super::column::Column;
-use super::lanes::{self, Nearest, narrow, wide};
+use super::lanes::{self, Nearest, each, narrow, wide};
 use super::plan::{Class, Plan};
 use crate::Word;
 use crate::tape::{Inputs, Op, compute, decide};
+
+/// A loop over the steps of a block, compiled for each set of processor features; the best one there
+/// is runs. (What is not inlined into it would be compiled without them.)
+macro_rules! over {
+    ($arch:expr, $($job:ident)::+($($argument:expr),*), $at:ident => $value:expr) => {
+        $arch.dispatch($($job)::+($($argument,)* #[inline(always)] |$at: usize| $value))
+    };
+}
 
 /// Buffers of a block for columns of the other width.
 #[derive(Default)]
@@ -86,38 +94,38 @@ impl Kernel {
             }
             Op::Not(a) => {
                 let a = &self.words(a)[..count];
-                arch.dispatch(|| each(out, |at| !a[at]));
+                over!(arch, each(out), at => !a[at]);
             }
             Op::Or(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                arch.dispatch(|| each(out, |at| a[at] | b[at]));
+                over!(arch, each(out), at => a[at] | b[at]);
             }
             Op::Xor(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                arch.dispatch(|| each(out, |at| a[at] ^ b[at]));
+                over!(arch, each(out), at => a[at] ^ b[at]);
             }
             Op::Either(c, a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
                 let c = &self.words(c)[..count];
-                arch.dispatch(|| each(out, |at| (a[at] & c[at]) | (b[at] & !c[at])));
+                over!(arch, each(out), at => (a[at] & c[at]) | (b[at] & !c[at]));
             }
             Op::Raise(_, a) => out.copy_from_slice(self.words(a)),
             Op::Negative((Column::Narrow(_), _)) => {
                 let Op::Negative(a) = op else { return false };
                 let a = &self.words(a)[..count];
-                arch.dispatch(|| each(out, |at| a[at] >> 31));
+                over!(arch, each(out), at => a[at] >> 31);
             }
             Op::Less(a, b) if self.plan.class == Class::Narrow => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
                 let [up_a, up_b] = self.plan.align;
-                arch.dispatch(|| each(out, |at| -i32::from((a[at] << up_a) < (b[at] << up_b))));
+                over!(arch, each(out), at => -i32::from((a[at] << up_a) < (b[at] << up_b)));
             }
             Op::Less(a, b) if self.plan.class == Class::Wide => {
                 self.widen(a, &mut scratch.a);
                 self.widen(b, &mut scratch.b);
                 let (a, b) = (&scratch.a[..count], &scratch.b[..count]);
                 let [up_a, up_b] = self.plan.align;
-                arch.dispatch(|| each(out, |at| -i32::from((a[at] << up_a) < (b[at] << up_b))));
+                over!(arch, each(out), at => -i32::from((a[at] << up_a) < (b[at] << up_b)));
             }
             Op::Negative(_) | Op::Less(..) | Op::Known(_) => {
                 for (at, out) in out.iter_mut().enumerate() {
@@ -138,37 +146,38 @@ impl Kernel {
         match op {
             Op::Input { port, .. } => {
                 let raws = &inputs.raws[port as usize][self.block.clone()][..count];
-                arch.dispatch(|| narrow::fit(out, fit, |at| raws[at]))
+                over!(arch, narrow::fit(out, fit), at => raws[at])
             }
             Op::Add(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                arch.dispatch(|| narrow::fit(out, fit, |at| (a[at] << up_a) + (b[at] << up_b)))
+                over!(arch, narrow::fit(out, fit), at => (a[at] << up_a) + (b[at] << up_b))
             }
             Op::Sub(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                arch.dispatch(|| narrow::fit(out, fit, |at| (a[at] << up_a) - (b[at] << up_b)))
+                over!(arch, narrow::fit(out, fit), at => (a[at] << up_a) - (b[at] << up_b))
             }
             Op::Mul(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                arch.dispatch(|| narrow::fit(out, fit, |at| a[at] * b[at]))
+                over!(arch, narrow::fit(out, fit), at => a[at] * b[at])
             }
             Op::Shift(a, _) => {
                 let a = &self.words(a)[..count];
-                arch.dispatch(|| narrow::fit(out, fit, |at| a[at]))
+                over!(arch, narrow::fit(out, fit), at => a[at])
             }
             Op::Neg(a) => {
                 let a = &self.words(a)[..count];
-                arch.dispatch(|| narrow::fit(out, fit, |at| -a[at]))
+                over!(arch, narrow::fit(out, fit), at => -a[at])
             }
             Op::Abs(a) => {
                 let a = &self.words(a)[..count];
-                arch.dispatch(|| narrow::fit(out, fit, |at| a[at].wrapping_abs()))
+                over!(arch, narrow::fit(out, fit), at => a[at].wrapping_abs())
             }
             Op::Select(c, a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
                 let c = &self.words(c)[..count];
-                let chosen = |at: usize| ((a[at] << up_a) & c[at]) | ((b[at] << up_b) & !c[at]);
-                arch.dispatch(|| narrow::fit(out, fit, chosen))
+                over!(arch, narrow::fit(out, fit), at => {
+                    ((a[at] << up_a) & c[at]) | ((b[at] << up_b) & !c[at])
+                })
             }
             _ => 0,
         }
@@ -181,11 +190,8 @@ impl Kernel {
             Column::Narrow(words) => {
                 let words = &words[range];
                 let into = &mut into[..words.len()];
-                self.arch.dispatch(|| {
-                    for (into, word) in into.iter_mut().zip(words) {
-                        *into = i64::from(*word);
-                    }
-                });
+                let arch = self.arch;
+                over!(arch, each(into), at => i64::from(words[at]));
             }
             Column::Wide(words) => into.copy_from_slice(&words[range]),
         }
@@ -221,7 +227,8 @@ impl Kernel {
             Column::Narrow(words) => {
                 let words = &mut words[self.block.clone()];
                 let result = &result[..words.len()];
-                self.arch.dispatch(|| each(words, |at| result[at] as i32));
+                let arch = self.arch;
+                over!(arch, each(words), at => result[at] as i32);
             }
         }
         overflows
@@ -243,26 +250,25 @@ impl Kernel {
         match op {
             Op::Add(..) => {
                 let b = &b[..count];
-                arch.dispatch(|| wide::fit(out, fit, |at| (a[at] << up_a) + (b[at] << up_b)))
+                over!(arch, wide::fit(out, fit), at => (a[at] << up_a) + (b[at] << up_b))
             }
             Op::Sub(..) => {
                 let b = &b[..count];
-                arch.dispatch(|| wide::fit(out, fit, |at| (a[at] << up_a) - (b[at] << up_b)))
+                over!(arch, wide::fit(out, fit), at => (a[at] << up_a) - (b[at] << up_b))
             }
             Op::Mul(..) => {
                 let b = &b[..count];
-                arch.dispatch(|| wide::fit(out, fit, |at| a[at] * b[at]))
+                over!(arch, wide::fit(out, fit), at => a[at] * b[at])
             }
-            Op::Neg(_) => arch.dispatch(|| wide::fit(out, fit, |at| -a[at])),
-            Op::Abs(_) => arch.dispatch(|| wide::fit(out, fit, |at| a[at].wrapping_abs())),
+            Op::Neg(_) => over!(arch, wide::fit(out, fit), at => -a[at]),
+            Op::Abs(_) => over!(arch, wide::fit(out, fit), at => a[at].wrapping_abs()),
             Op::Select(c, ..) => {
                 let b = &b[..count];
                 let c = &self.words(c)[..count];
-                let chosen = |at: usize| {
+                over!(arch, wide::fit(out, fit), at => {
                     let c = i64::from(c[at]);
                     ((a[at] << up_a) & c) | ((b[at] << up_b) & !c)
-                };
-                arch.dispatch(|| wide::fit(out, fit, chosen))
+                })
             }
             Op::Div(..) => self.quotients(a, &b[..count], out, failures),
             Op::Sqrt(_) => {
@@ -272,9 +278,9 @@ impl Kernel {
                 if a.iter().any(|word| *word < 0) {
                     failures.extend((0..count).filter(failed).map(step));
                 }
-                arch.dispatch(|| wide::fit(out, fit, |at| lanes::root(a[at] << up_a, how)))
+                over!(arch, wide::fit(out, fit), at => lanes::root(a[at] << up_a, how))
             }
-            _ => arch.dispatch(|| wide::fit(out, fit, |at| a[at])),
+            _ => over!(arch, wide::fit(out, fit), at => a[at]),
         }
     }
 
@@ -283,21 +289,18 @@ impl Kernel {
         let fit = wide::Fit::new(format, 0);
         let how = Nearest::new(format.rounding);
         let [up_a, up_b] = self.plan.align;
-        let divisor = |at: usize| {
-            let b = b[at];
-            (b << up_b) | i64::from(b == 0)
-        };
-        let mut overflows = self.arch.dispatch(|| {
-            wide::fit(out, fit, |at| {
-                lanes::quotient(a[at] << up_a, divisor(at), how)
-            })
+        // A zero divisor counts as 1 here.
+        let arch = self.arch;
+        let mut overflows = over!(arch, wide::fit(out, fit), at => {
+            let divisor = (b[at] << up_b) | i64::from(b[at] == 0);
+            lanes::quotient(a[at] << up_a, divisor, how)
         });
         if b.contains(&0) {
             for at in (0..b.len()).filter(|&at| b[at] == 0) {
                 // Divided by 1 above; whether that fitted does not count.
                 let stand_in = [a[at] << up_a];
                 let mut ignored = [0];
-                overflows -= wide::fit(&mut ignored, fit, |_| stand_in[0]);
+                overflows -= wide::fit(&mut ignored, fit, |_| stand_in[0]).call();
                 overflows += 1;
                 out[at] = if a[at] < 0 {
                     format.min_raw()
@@ -346,12 +349,5 @@ impl Kernel {
             out.set(step, raw, false);
         }
         overflows
-    }
-}
-
-#[inline(always)]
-fn each(out: &mut [i32], value: impl Fn(usize) -> i32) {
-    for (at, out) in out.iter_mut().enumerate() {
-        *out = value(at);
     }
 }

@@ -5,6 +5,7 @@
 //! how values outside the word are limited, is chosen once per loop, so that the loops vectorise.
 
 use cardan_datapath::{Format, Overflow, Rounding};
+use pulp::NullaryFnOnce;
 
 macro_rules! width {
     ($name:ident, $int:ident, $what:literal) => {
@@ -111,13 +112,35 @@ macro_rules! width {
                 overflows as u64
             }
 
-            /// Writes the rounded and limited results; returns how many did not fit.
+            /// A loop to come.
+            pub(in super::super) struct Job<'a, F> {
+                out: &'a mut [$int],
+                fit: Fit,
+                exact: F,
+            }
+
+            /// Writes the rounded and limited results; tells how many did not fit.
             #[inline(always)]
-            pub(in super::super) fn fit(
+            pub(in super::super) fn fit<F: Fn(usize) -> $int>(
                 out: &mut [$int],
                 fit: Fit,
-                exact: impl Fn(usize) -> $int,
-            ) -> u64 {
+                exact: F,
+            ) -> Job<'_, F> {
+                Job { out, fit, exact }
+            }
+
+            impl<F: Fn(usize) -> $int> NullaryFnOnce for Job<'_, F> {
+                type Output = u64;
+
+                #[inline(always)]
+                fn call(self) -> u64 {
+                    let Self { out, fit, exact } = self;
+                    run(out, fit, exact)
+                }
+            }
+
+            #[inline(always)]
+            fn run(out: &mut [$int], fit: Fit, exact: impl Fn(usize) -> $int) -> u64 {
                 let mode = if fit.left > 0 {
                     3
                 } else if fit.negative != 0 {
@@ -143,6 +166,29 @@ macro_rules! width {
 }
 width!(narrow, i32, "32-bit intermediates.");
 width!(wide, i64, "64-bit intermediates.");
+
+/// A loop to come that writes values as they are.
+pub(super) struct Each<'a, T, F> {
+    out: &'a mut [T],
+    value: F,
+}
+
+/// Writes the values.
+#[inline(always)]
+pub(super) fn each<T, F: Fn(usize) -> T>(out: &mut [T], value: F) -> Each<'_, T, F> {
+    Each { out, value }
+}
+
+impl<T, F: Fn(usize) -> T> NullaryFnOnce for Each<'_, T, F> {
+    type Output = ();
+
+    #[inline(always)]
+    fn call(self) {
+        for (at, out) in self.out.iter_mut().enumerate() {
+            *out = (self.value)(at);
+        }
+    }
+}
 
 /// 1.5 2^52: a sum with it shows an integer of up to 51 bits in the low bits of an `f64`, and back,
 /// in two operations that every vector unit has.

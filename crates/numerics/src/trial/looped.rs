@@ -44,7 +44,6 @@ impl Trial<'_> {
     #[inline]
     fn loop_step(&mut self, index: usize, step: usize) {
         let slot = self.tape.before.len() + index;
-        let plan = self.plans[slot];
         let entry = self.tape.steady[index];
         if entry.node == NO_NODE
             && let Some(truth) = self.mask(entry.op, step)
@@ -52,6 +51,7 @@ impl Trial<'_> {
             self.columns[slot].set(step, truth, false);
             return;
         }
+        let plan = self.plans[slot];
         let mut at = 0;
         let items: Op<Word> = entry.op.map(|operand| {
             let ago = match operand {

@@ -22,7 +22,7 @@ pub use column::Column;
 pub use plan::{Violation, deployable};
 
 use crate::Word;
-use crate::tape::{Inputs, NO_NODE, Op, Ref, Runner, Tape, Words};
+use crate::tape::{Entry, Inputs, NO_NODE, Op, Ref, Runner, Tape, Words};
 use dispatch::Kernel;
 use graph::Stage;
 use plan::Plan;
@@ -37,6 +37,10 @@ pub struct Trial<'a> {
     domain_flag: u16,
     arch: Arch,
     stages: Vec<Stage>,
+    /// Columns that each steady operation reads.
+    reads: Vec<Vec<usize>>,
+    /// Steady operations that later steps look at, with how far back.
+    looked_back_at: Vec<(usize, usize)>,
     /// Largest magnitude of each input port, as a power of two.
     port_bits: Vec<u32>,
     /// Columns of what stands before the steps, then of the steady operations.
@@ -72,6 +76,8 @@ impl<'a> Trial<'a> {
             domain_flag,
             arch: Arch::new(),
             stages: graph::stages(tape),
+            reads: tape.steady.iter().map(|entry| reads(tape, entry)).collect(),
+            looked_back_at: looked_back_at(tape),
             port_bits: inputs.raws.iter().map(magnitude).collect(),
             columns: vec![Column::default(); slots],
             computed: vec![None; slots],
@@ -220,14 +226,9 @@ impl<'a> Trial<'a> {
                 Stage::Loop(indices) => indices,
             };
             let changed = |index: &usize| {
-                let entry = &tape.steady[*index];
-                let format = format_of(entry.node).unwrap_or(plan::TRUTH);
+                let format = format_of(tape.steady[*index].node).unwrap_or(plan::TRUTH);
                 self.computed[base + index] != Some(format)
-                    || entry
-                        .op
-                        .operands()
-                        .into_iter()
-                        .any(|operand| dirty[self.slot(operand)])
+                    || self.reads[*index].iter().any(|&slot| dirty[slot])
             };
             if !operations.iter().any(changed) {
                 continue;
@@ -252,16 +253,12 @@ impl<'a> Trial<'a> {
         if self.steps().is_empty() {
             return;
         }
-        for entry in &self.tape.steady {
-            for operand in entry.op.operands() {
-                let Ref::Ago { steps, index } = operand else {
-                    continue;
-                };
-                let slot = self.slot(operand);
-                for step in first.saturating_sub(steps as usize)..first {
-                    let raw = self.transient[step][index as usize].raw;
-                    self.columns[slot].set(step, raw, entry_is_truth(self.tape, index));
-                }
+        for &(index, steps) in &self.looked_back_at {
+            let slot = self.tape.before.len() + index;
+            let is_truth = self.tape.steady[index].node == NO_NODE;
+            for step in first.saturating_sub(steps)..first {
+                let raw = self.transient[step][index].raw;
+                self.columns[slot].set(step, raw, is_truth);
             }
         }
     }
@@ -322,8 +319,25 @@ impl<'a> Trial<'a> {
     }
 }
 
-fn entry_is_truth(tape: &Tape, index: u32) -> bool {
-    tape.steady[index as usize].node == NO_NODE
+fn reads(tape: &Tape, entry: &Entry) -> Vec<usize> {
+    let slot = |operand: Ref| match operand {
+        Ref::Before(index) => index as usize,
+        Ref::Here(index) | Ref::Ago { index, .. } => tape.before.len() + index as usize,
+    };
+    entry.op.operands().into_iter().map(slot).collect()
+}
+
+fn looked_back_at(tape: &Tape) -> Vec<(usize, usize)> {
+    let operands = tape.steady.iter().flat_map(|entry| entry.op.operands());
+    let mut all: Vec<(usize, usize)> = operands
+        .filter_map(|operand| match operand {
+            Ref::Ago { steps, index } => Some((index as usize, steps as usize)),
+            Ref::Here(_) | Ref::Before(_) => None,
+        })
+        .collect();
+    all.sort_unstable();
+    all.dedup();
+    all
 }
 
 /// True for nodes whose overflows must be known step by step.

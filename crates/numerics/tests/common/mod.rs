@@ -6,13 +6,13 @@ use cardan_datapath::{
 };
 
 /// Nodes of every datapath here.
-pub const NODES: usize = 16;
+pub(crate) const NODES: usize = 16;
 /// A node that nothing but outputs depends on.
-pub const LAST: usize = 15;
+pub(crate) const LAST: usize = 15;
 
 /// Node number `I`.
 #[derive(Clone, Copy)]
-pub struct At<const I: usize>;
+pub(crate) struct At<const I: usize>;
 impl<const I: usize> Node for At<I> {
     const INDEX: usize = I;
     const NAME: &'static str = "n";
@@ -21,7 +21,7 @@ impl<const I: usize> Node for At<I> {
     type Word = fixed::FixedI16<fixed::types::extra::U10>;
 }
 
-pub fn deployed() -> Vec<Format> {
+pub(crate) fn deployed() -> Vec<Format> {
     vec![At::<0>::FORMAT; NODES]
 }
 
@@ -39,9 +39,9 @@ impl Table for Curve {
 }
 
 /// Every operation of the arithmetic, with state in words and truths and a first step apart.
-pub struct Everything;
+pub(crate) struct Everything;
 
-pub struct EverythingState<M: Arithmetic> {
+pub(crate) struct EverythingState<M: Arithmetic> {
     setting: Value<M, At<3>>,
     held: Value<M, At<9>>,
     sign: M::Bool,
@@ -97,7 +97,7 @@ impl Datapath for Everything {
 }
 
 /// y = x + a y' with everything rounded.
-pub struct Iir;
+pub(crate) struct Iir;
 
 impl Datapath for Iir {
     type State<M: Arithmetic> = [Value<M, At<2>>; 2];
@@ -119,9 +119,9 @@ impl Datapath for Iir {
 }
 
 /// The sum of the last five inputs, kept in a ring buffer.
-pub struct Fir;
+pub(crate) struct Fir;
 
-pub struct Ring<M: Arithmetic> {
+pub(crate) struct Ring<M: Arithmetic> {
     words: [Value<M, At<0>>; 5],
     at: usize,
 }
@@ -150,7 +150,7 @@ impl Datapath for Fir {
 }
 
 /// Branches in Rust on its input: cannot be recorded.
-pub struct Unsteady;
+pub(crate) struct Unsteady;
 
 impl Datapath for Unsteady {
     type State<M: Arithmetic> = ();
