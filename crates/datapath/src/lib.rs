@@ -52,7 +52,6 @@ mod format;
 mod kernel;
 mod quantised;
 pub mod rounding;
-mod step;
 mod tap;
 #[cfg(feature = "codegen")]
 pub mod wordlengths;
@@ -62,5 +61,4 @@ pub use container::Container;
 pub use deployed::{DEFAULT_DOMAIN_FLAG, Deployed};
 pub use fixed;
 pub use format::{Format, NodeInfo, Overflow, Rounding, table_hash};
-pub use step::Datapath;
 pub use tap::{Silent, Tap};

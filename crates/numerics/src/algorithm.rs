@@ -1,8 +1,8 @@
 //! Running one algorithm over several arithmetics.
 
-use cardan_datapath::{Arithmetic, Datapath};
+use cardan_datapath::Arithmetic;
 
-use crate::{Formats, Mixed, Recorder, Recording};
+use crate::{Datapath, Formats, Mixed, Recorder, Recording};
 
 /// An algorithm with its inputs, ready to run over any arithmetic: what a closure would be if
 /// closures could be generic.

@@ -4,7 +4,7 @@
 //! [`cardan_datapath::Deployed`] bit for bit; with none it is the real interpretation; with the
 //! first k nodes quantised it tells what share of the rounding error each node brings.
 //!
-//! A [`cardan_datapath::Datapath`] is recorded once as a [`tape::Tape`]; [`trial::Trial`] then tries
+//! A [`Datapath`] is recorded once as a [`tape::Tape`]; [`trial::Trial`] then tries
 //! formats on it without recompiling, at the speed of compiled code.
 //!
 //! An algorithm that is to run over several arithmetics implements [`Algorithm`]:
@@ -47,6 +47,7 @@ mod exact;
 mod formats;
 mod mixed;
 mod recorder;
+mod step;
 pub mod tape;
 pub mod trial;
 
@@ -55,3 +56,4 @@ pub use exact::Word;
 pub use formats::{Formats, FormatsError};
 pub use mixed::{Mixed, Number, Observer, Trap};
 pub use recorder::{DeployedRecorder, Overflows, Recorder, Recording};
+pub use step::Datapath;

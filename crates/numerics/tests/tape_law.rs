@@ -6,11 +6,9 @@ mod common;
 use cardan_datapath::{Format, NodeInfo, Overflow, Rounding};
 use cardan_numerics::tape::{Inputs, NO_NODE, Real, Runner, Tape, TraceError, Words};
 use cardan_numerics::trial::Trial;
-use cardan_numerics::{Formats, Recording, Steps, record};
+use cardan_numerics::{Datapath, Formats, Recording, Steps, record};
 use common::{At, Everything, Fir, Iir, NODES, Unsteady};
 use proptest::prelude::*;
-
-use cardan_datapath::Datapath;
 
 const DOMAIN: u16 = cardan_datapath::DEFAULT_DOMAIN_FLAG;
 

@@ -1,10 +1,11 @@
 //! The firmware's algorithm as a sequence of equal steps, one per solution: what is recorded as a
 //! tape and tuned.
 
-use cardan_datapath::{Arithmetic, Datapath};
+use cardan_datapath::Arithmetic;
 use cardan_firmware::attitude::{self, solve};
 use cardan_firmware::averaging::Averager;
 use cardan_firmware::calibration::Calibration;
+use cardan_numerics::Datapath;
 use cardan_spec::CHANNELS;
 use cardan_spec::calibration::WORDS;
 use cardan_spec::timing::{AVERAGING, WARM_UP_SOLUTIONS};

@@ -1,9 +1,8 @@
 //! From a recording to a tape: cutting it into steps, and finding from where on they are equal.
 
-use cardan_datapath::Datapath;
-
 use super::trace::{Recorded, Trace};
 use super::{Entry, Inputs, Op, Ref, Tape};
+use crate::Datapath;
 
 /// Steps that are looked at for equality at first; doubled until the later half of them is equal.
 const FIRST_STEPS: usize = 16;

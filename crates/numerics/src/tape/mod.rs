@@ -1,18 +1,22 @@
 //! An algorithm recorded once as data flow, for every analysis that is not a single run.
 //!
-//! A [`Datapath`](cardan_datapath::Datapath) takes the same path in every step, so the operations
+//! A [`Datapath`](crate::Datapath) takes the same path in every step, so the operations
 //! of one step, with references to their operands, are the whole algorithm: a straight line
 //! without branches. What a step takes from earlier ones needs no declaration: it is a reference
 //! to an operation some steps ago ([`Ref::Ago`]). The first steps may differ (initial values);
 //! from some step on all are equal ([`Tape::steady`]).
 
+mod adjoint;
 mod build;
+mod interval;
 mod real;
 mod run;
 mod trace;
 mod words;
 
+pub use adjoint::{Reals, gains};
 pub use build::TraceError;
+pub use interval::{Interval, bounds};
 pub use real::Real;
 pub use run::{Domain, Runner};
 pub use words::{Words, WriteCounts};

@@ -1,9 +1,8 @@
 //! Datapaths that between them use every operation, a feedback loop and a delay line.
 #![allow(dead_code, reason = "each test program uses a part")]
 
-use cardan_datapath::{
-    Arithmetic, Constant, Datapath, Format, Node, Overflow, Rounding, Table, Value,
-};
+use cardan_datapath::{Arithmetic, Constant, Format, Node, Overflow, Rounding, Table, Value};
+use cardan_numerics::Datapath;
 
 /// Nodes of every datapath here.
 pub(crate) const NODES: usize = 16;

@@ -1,6 +1,6 @@
 //! An algorithm as a sequence of equal steps: what tuning works on.
 
-use crate::Arithmetic;
+use cardan_datapath::Arithmetic;
 
 /// An algorithm that does the same in every step (one per sample, or per solution).
 ///
@@ -10,7 +10,8 @@ use crate::Arithmetic;
 /// "this is the first step").
 ///
 /// ```
-/// use cardan_datapath::{Arithmetic, Constant, Datapath, Node, Value};
+/// use cardan_datapath::{Arithmetic, Constant, Node, Value};
+/// use cardan_numerics::Datapath;
 ///
 /// /// y += (x - y) / 4, for nodes of the user's own.
 /// struct LowPass<X, Y, D>(std::marker::PhantomData<(X, Y, D)>);
