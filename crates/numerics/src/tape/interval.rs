@@ -164,9 +164,9 @@ impl Analysis<'_> {
             for operand in entry.op.operands() {
                 if let Ref::Ago { steps: back, index } = operand {
                     let first = self.tape.transient.len();
-                    for step in first.saturating_sub(back as usize)..steps.len() {
-                        let item = steps[step][index as usize];
-                        held[index as usize] = held[index as usize].hull(item);
+                    for items in &steps[first.saturating_sub(back as usize)..] {
+                        let held = &mut held[index as usize];
+                        *held = held.hull(items[index as usize]);
                     }
                 }
             }
