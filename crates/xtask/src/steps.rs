@@ -1,6 +1,7 @@
 //! The steps of `cargo xtask test`: one target folder, one profile and one selection of features,
 //! so that nothing is compiled twice.
 
+use std::process::Command;
 use std::time::Instant;
 
 use crate::prepare::{PYTHON, oracle_python, prepare};
@@ -24,7 +25,7 @@ struct Counts {
     failed: u64,
 }
 
-const STEPS: [Step; 7] = [
+const STEPS: [Step; 8] = [
     Step {
         name: "fmt",
         is_ground: false,
@@ -49,6 +50,11 @@ const STEPS: [Step; 7] = [
         name: "images",
         is_ground: false,
         run: images,
+    },
+    Step {
+        name: "target",
+        is_ground: false,
+        run: on_target,
     },
     Step {
         name: "test",
@@ -147,6 +153,16 @@ fn test(counts: &mut Counts) -> Result<bool, String> {
     if let Some(python) = oracle_python() {
         tests.env(PYTHON, python);
     }
+    counted(tests, counts)
+}
+
+/// The boards' own tests, in the emulator.
+fn on_target(counts: &mut Counts) -> Result<bool, String> {
+    counted(command(cardan(), &["build", "--test"]), counts)
+}
+
+/// Runs test programs and counts what they report.
+fn counted(tests: Command, counts: &mut Counts) -> Result<bool, String> {
     run_watched(tests, |line| {
         if let Some((passed, failed)) = result(line) {
             counts.passed += passed;

@@ -14,7 +14,7 @@ use clap::Args;
 
 use self::measure::measure;
 use self::report::{Document, ImageReport, TargetReport};
-use crate::failure::{Done, Failure};
+use crate::failure::{Done, Failure, code};
 use crate::output::Output;
 use crate::toolchain::{self, BOARDS, Board, Built};
 
@@ -38,6 +38,10 @@ pub(crate) struct Arguments {
     /// this folder; with `--target all` into a folder per target.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Instead of images, builds the targets' own tests and runs them in the emulator; exits with 1
+    /// if one fails.
+    #[arg(long, conflicts_with_all = ["wordlengths", "out"])]
+    test: bool,
 }
 
 /// The value of `--target`.
@@ -72,6 +76,9 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         Targets::All => BOARDS.iter().collect(),
         Targets::One(board) => vec![board],
     };
+    if arguments.test {
+        return test(&boards, output);
+    }
     let mut reports = Vec::new();
     for board in boards {
         let folder = arguments.out.as_ref().map(|out| match arguments.target {
@@ -86,6 +93,21 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     }
     output.result(&document.to_string());
     Ok(ExitCode::SUCCESS)
+}
+
+/// Runs the targets' own tests.
+fn test(boards: &[&Board], output: Output) -> Done {
+    let mut passed = true;
+    let mut results = serde_json::Map::new();
+    for board in boards {
+        let is_good = toolchain::test_board(board, output.is_quiet(), output.is_json())?;
+        results.insert(board.name.to_owned(), is_good.into());
+        passed &= is_good;
+    }
+    if output.is_json() {
+        output.document(&serde_json::json!({ "tests_passed": results }));
+    }
+    Ok(ExitCode::from(if passed { code::PASS } else { code::FAIL }))
 }
 
 /// Builds, measures and, where wanted, writes one target's images.

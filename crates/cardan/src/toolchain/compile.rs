@@ -6,6 +6,7 @@
 //! information is stripped.
 
 use std::fs::{self, File, OpenOptions};
+use std::io;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -72,6 +73,45 @@ pub(super) fn image(
     let formats = images.join(format!("{}.toml", &key[..32]));
     fs::write(&formats, text).map_err(|error| unusable(&formats, "cannot be written", &error))?;
     build.run(is_tapped, Some(&formats), &kept)
+}
+
+/// Builds the board's on-target tests and runs them in the emulator, which is this program. Their
+/// report goes to standard output, or to standard error if `is_reported_aside`. Returns whether
+/// all passed.
+pub(super) fn tests(
+    compiler: &Compiler,
+    workspace: &Path,
+    board: &Board,
+    is_quiet: bool,
+    is_reported_aside: bool,
+) -> Result<bool, Failure> {
+    let folder = target_folder(workspace).join("boards").join(board.name);
+    let build = Build {
+        compiler,
+        workspace,
+        board,
+        folder: &folder,
+        is_quiet,
+    };
+    let emulator = std::env::current_exe()
+        .map_err(|error| Failure::participant(format!("this program has no path: {error}")))?;
+    let mut cargo = build.cargo();
+    cargo
+        .args(["test", "--release", "--locked"])
+        .env("CARDAN", emulator);
+    if is_quiet {
+        cargo.arg("--quiet");
+    }
+    if is_reported_aside {
+        cargo.stdout(io::stderr());
+    }
+    let status = cargo.status().map_err(|error| {
+        let cargo = compiler.cargo.display();
+        Failure::input(format!(
+            "{cargo} cannot be run: {error}; see `cardan doctor`"
+        ))
+    })?;
+    Ok(status.success())
 }
 
 /// Cargo's target folder.

@@ -70,6 +70,20 @@ pub(crate) fn build_board(
     )
 }
 
+/// Builds the on-target tests of `board` and runs them in the emulator. Their report goes to standard
+/// output, or aside to standard error. Returns whether all passed.
+///
+/// # Errors
+/// No toolchain, or no sources; the message says what to do.
+pub(crate) fn test_board(
+    board: &Board,
+    is_quiet: bool,
+    is_reported_aside: bool,
+) -> Result<bool, Failure> {
+    let compiler = find().map_err(Failure::input)?;
+    compile::tests(&compiler, &workspace()?, board, is_quiet, is_reported_aside)
+}
+
 /// A firmware's nodes in other formats, in the order of the firmware.
 pub(crate) fn declared(nodes: &[NodeInfo], formats: &[Format]) -> Vec<DeclaredNode> {
     let pairs = nodes.iter().zip(formats);

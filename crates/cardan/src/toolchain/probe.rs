@@ -8,6 +8,8 @@ pub(super) fn output(program: &OsStr, arguments: &[&str]) -> Option<String> {
     let output = Command::new(program)
         .args(arguments)
         .env_remove("RUSTUP_TOOLCHAIN")
+        // A question about a toolchain must not begin to download it.
+        .env("RUSTUP_AUTO_INSTALL", "0")
         .stdin(Stdio::null())
         .stderr(Stdio::null())
         .output()

@@ -12,8 +12,15 @@ use crate::failure::Failure;
 /// Files and folders that go into an image beside the board's own. The workspace's manifest only
 /// gives the versions that the board's lock file pins.
 const SHARED: [&str; 4] = ["firmware", "crates/units", "crates/spec", "crates/datapath"];
-/// Folders that hold no sources: other boards, committed images, build output.
-const EXCEPT: [&str; 3] = ["boards", "images", "target"];
+/// Folders that hold nothing that goes into an image: other boards, committed images, build output,
+/// tests and what they remember.
+const EXCEPT: [&str; 5] = [
+    "boards",
+    "images",
+    "target",
+    "tests",
+    "proptest-regressions",
+];
 
 /// The workspace: the one that the current folder lies in, else the one we were built from.
 pub(crate) fn workspace() -> Result<PathBuf, Failure> {
@@ -69,4 +76,30 @@ fn collect(folder: &Path, files: &mut Vec<PathBuf>) -> io::Result<()> {
         }
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn tests_and_what_they_remember_are_no_sources_of_an_image() {
+        let folder = std::env::temp_dir().join(format!("cardan-sources-{}", std::process::id()));
+        let files = [
+            "src/lib.rs",
+            "tests/a.rs",
+            "src/tests/b.rs",
+            "proptest-regressions/c.txt",
+        ];
+        for file in files {
+            let file = folder.join(file);
+            fs::create_dir_all(file.parent().unwrap_or(&folder)).expect("a temporary folder");
+            fs::write(file, "").expect("a temporary folder");
+        }
+        let mut found = Vec::new();
+        let collected = collect(&folder, &mut found);
+        fs::remove_dir_all(&folder).expect("it is ours");
+        collected.expect("readable");
+        assert_eq!(found, [folder.join("src/lib.rs")]);
+    }
 }
