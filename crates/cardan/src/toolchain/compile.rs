@@ -42,11 +42,8 @@ pub(super) fn image(
     wordlengths: Option<&[DeclaredNode]>,
     is_quiet: bool,
 ) -> Result<Built, Failure> {
-    let folder = target_folder(workspace).join("boards").join(board.name);
-    let make = |folder: &Path| unusable(folder, "cannot be made", &"check its permissions");
+    let folder = board_folder(workspace, board)?;
     let images = folder.join("images");
-    fs::create_dir_all(&images).map_err(|_| make(&images))?;
-    let folder = folder.canonicalize().map_err(|_| make(&folder))?;
     let variant = if is_tapped { "tapped" } else { "plain" };
     let build = Build {
         compiler,
@@ -85,7 +82,7 @@ pub(super) fn tests(
     is_quiet: bool,
     is_reported_aside: bool,
 ) -> Result<bool, Failure> {
-    let folder = target_folder(workspace).join("boards").join(board.name);
+    let folder = board_folder(workspace, board)?;
     let build = Build {
         compiler,
         workspace,
@@ -97,7 +94,10 @@ pub(super) fn tests(
         .map_err(|error| Failure::participant(format!("this program has no path: {error}")))?;
     let mut cargo = build.cargo();
     cargo
-        .args(["test", "--release", "--locked"])
+        .args(["test", "--release", "--locked", "--config"])
+        // As for images, so that what both are made of is compiled once.
+        .arg(build.flags()?)
+        .env("RUSTC_WRAPPER", build.wrapper()?)
         .env("CARDAN", emulator);
     if is_quiet {
         cargo.arg("--quiet");
@@ -112,6 +112,15 @@ pub(super) fn tests(
         ))
     })?;
     Ok(status.success())
+}
+
+/// Cargo's target folder for the board, with room for its images.
+fn board_folder(workspace: &Path, board: &Board) -> Result<PathBuf, Failure> {
+    let folder = target_folder(workspace).join("boards").join(board.name);
+    let make = |folder: &Path| unusable(folder, "cannot be made", &"check its permissions");
+    let images = folder.join("images");
+    fs::create_dir_all(&images).map_err(|_| make(&images))?;
+    folder.canonicalize().map_err(|_| make(&folder))
 }
 
 /// Cargo's target folder.
