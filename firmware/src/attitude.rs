@@ -3,8 +3,9 @@
 //! Equations: sensors reference, sections 7.2 (set 1, Z-Y-X), 7.3 (set 2, Z-X-Y), 7.6 (weights), 7.7
 //! (domains). Letters: t1, t2 gravity along body x, y in g; b1, b2 field over |B|; h, v cosine and
 //! sine of the inclination; C, S cosine and sine of a heading. All angles are set 1's unless said.
-//! Divisions: five quotients of the level headings and tilt angles, one for set 2's yaw, one for
-//! the weight. Sines and cosines come from the readings, never from angles.
+//! Divisions: two for the roll, one for each heading, one for set 2's yaw, one for the weight. Set 2's
+//! tilt is never divided out: its matrix is taken times cos_2. Sines and cosines come from the
+//! readings, never from angles.
 
 use cardan_datapath::{Arithmetic, Constant, Node, Value};
 use cardan_spec::{CHANNELS, DOMAIN_MARGIN, FIELD_RESIDUAL_LIMIT, flags, timing};
@@ -14,12 +15,12 @@ use crate::averaging::Sums;
 use crate::calibration::Calibration;
 use crate::inverse;
 use crate::nodes::{
-    Accumulator, AsinArgument, Average, Centred, Cos1, Cos2, CosRoll, CosTilt2, Cross1, Cross2,
-    DipPart, DipProduct, Down, DownSquare, EastX, FieldProduct, FieldX, FieldY, FieldZSquare,
-    HeadingCos1, HeadingCos2, HeadingMagnitude, HeadingSin1, HeadingSin2, LeastShare, LeastSum,
-    LevelCos, LevelSin, LevelX, LevelY, Limit, MatrixTerm, NorthX, One, Pitch, Radicand,
+    Accumulator, AsinArgument, Average, Centred, Cos1, Cos2, CosRoll, Cross1, Cross2, DipPart,
+    DipProduct, Down, DownSquare, EastX, FieldProduct, FieldX, FieldY, FieldZSquare, HeadingCos1,
+    HeadingCos2, HeadingMagnitude, HeadingSin1, HeadingSin2, LeastShare, LeastSum, LevelCos,
+    LevelSin, LevelX, LevelY, Limit, MatrixLength, MatrixTerm, NorthX, One, Pitch, Radicand,
     ReadingsPart, ReadingsSum, Residual, ResidualPart, Rest, Roll, RollSquare, Scale, ScalePart,
-    SinRoll, SinTilt2, Square, TiltProduct, TiltX, TiltY, Twist1, Twist2, TwistPart, UnitArgument,
+    SinRoll, Square, TiltCross, TiltProduct, TiltX, TiltY, Twist1, TwistPart, UnitArgument,
     Vertical, VerticalSum, Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw,
     Yaw1, Yaw2, YawCorrection, YawDifference, YawFresh,
 };
@@ -96,10 +97,9 @@ struct Readings<M: Arithmetic> {
 struct Tilt<M: Arithmetic> {
     cos_1: Value<M, Cos1>,
     cos_2: Value<M, Cos2>,
+    down: Value<M, Down>,
     sin_roll: Value<M, SinRoll>,
     cos_roll: Value<M, CosRoll>,
-    sin_tilt_2: Value<M, SinTilt2>,
-    cos_tilt_2: Value<M, CosTilt2>,
     down_square: Value<M, DownSquare>,
 }
 
@@ -195,18 +195,15 @@ fn tilt<M: Arithmetic>(m: &M, readings: &Readings<M>) -> Tilt<M> {
     let down: Value<M, Down> = root(m, rest);
     let sin_roll: Value<M, SinRoll> = m.div(t2, cos_1);
     let cos_roll = m.div(down, cos_1);
-    let sin_tilt_2: Value<M, SinTilt2> = m.div(t1, cos_2);
-    let cos_tilt_2 = m.div(down, cos_2);
     check_domain(m, t1);
     check_domain(m, sin_roll);
     let down_square = same(m, rest);
     Tilt {
         cos_1,
         cos_2,
+        down,
         sin_roll,
         cos_roll,
-        sin_tilt_2,
-        cos_tilt_2,
         down_square,
     }
 }
@@ -231,16 +228,18 @@ fn yaw<M: Arithmetic>(
     let s_2: Value<M, HeadingSin2> = m.div(level_sin, tilt.cos_2);
     check_domain(m, c_1);
     check_domain(m, s_2);
-    // The other function of each heading, times the cosine of the third angle (never negative).
+    // The other function of each heading, times cosines that are never negative: of the third angle,
+    // and for set 2 of both tilt angles.
     let twist_1: Value<M, Twist1> = m.mul(t1, tilt.sin_roll);
     let part: Value<M, TwistPart> = m.mul(twist_1, c_1);
     let cross_1: Value<M, Cross1> = m.sub(level_sin, part);
-    let twist_2: Value<M, Twist2> = m.mul(t2, tilt.sin_tilt_2);
-    let part: Value<M, TwistPart> = m.mul(twist_2, s_2);
-    let cross_2: Value<M, Cross2> = m.sub(level_cos, part);
+    let tilts: Value<M, TiltCross> = m.mul(t1, t2);
+    let scaled: Value<M, TwistPart> = m.mul(level_cos, tilt.cos_2);
+    let part: Value<M, TwistPart> = m.mul(tilts, s_2);
+    let cross_2: Value<M, Cross2> = m.sub(scaled, part);
 
     let yaw_1 = yaw_of_set_1(m, c_1, m.negative(cross_1));
-    let yaw_2 = yaw_of_set_2(m, s_2, m.negative(cross_2), twist_2, tilt);
+    let yaw_2 = yaw_of_set_2(m, s_2, m.negative(cross_2), tilts, tilt);
 
     let (weight, defined) = weight(m, tilt, twist_1, c_1, cross_1);
     let difference: Value<M, YawDifference> = m.sub(yaw_1, yaw_2);
@@ -292,24 +291,23 @@ fn yaw_of_set_2<M: Arithmetic>(
     m: &M,
     sine: Value<M, HeadingSin2>,
     cosine_negative: M::Bool,
-    twist_2: Value<M, Twist2>,
+    tilts: Value<M, TiltCross>,
     tilt: &Tilt<M>,
 ) -> Value<M, Yaw2> {
     let sine = clamp(m, sine);
     let cosine: Value<M, HeadingCos2> = co_function(m, sine, cosine_negative);
-    // sin(psi) sin(theta) of set 2 is -twist_2.
-    let term_a: Value<M, MatrixTerm> = m.mul(tilt.cos_tilt_2, cosine);
-    let term_b: Value<M, MatrixTerm> = m.mul(twist_2, sine);
+    // Times cos_2: cos(theta) of set 2 is down, sin(psi) sin(theta) is -t1 t2.
+    let term_a: Value<M, MatrixTerm> = m.mul(tilt.down, cosine);
+    let term_b: Value<M, MatrixTerm> = m.mul(tilts, sine);
     let north: Value<M, NorthX> = m.add(term_a, term_b);
-    let term_a: Value<M, MatrixTerm> = m.mul(tilt.cos_tilt_2, sine);
-    let term_b: Value<M, MatrixTerm> = m.mul(twist_2, cosine);
+    let term_a: Value<M, MatrixTerm> = m.mul(tilt.down, sine);
+    let term_b: Value<M, MatrixTerm> = m.mul(tilts, cosine);
     let east: Value<M, EastX> = m.sub(term_a, term_b);
     // (M00, M01) has the length cos_1.
+    let length: Value<M, MatrixLength> = m.mul(tilt.cos_1, tilt.cos_2);
     same(
         m,
-        inverse::angle(m, east, north, |x| {
-            m.div::<AsinArgument, _, _>(x, tilt.cos_1)
-        }),
+        inverse::angle(m, east, north, |x| m.div::<AsinArgument, _, _>(x, length)),
     )
 }
 
@@ -334,8 +332,7 @@ fn weight<M: Arithmetic>(
     let weight: Value<M, Weight1> = m.div(square_1, sum);
 
     let sine: Value<M, ScalePart> = m.mul(cross_1, cross_1);
-    let cosine: Value<M, ScalePart> = m.mul(tilt.cos_roll, c_1);
-    let cosine: Value<M, ScalePart> = m.mul(cosine, cosine);
+    let cosine: Value<M, ScalePart> = m.mul(part_a, c_1);
     let scale: Value<M, Scale> = m.add(sine, cosine);
     let least: Value<M, LeastSum> = m.mul(m.constant::<LeastShare, LeastEast>(), scale);
     (weight, m.not(m.less(sum, least)))

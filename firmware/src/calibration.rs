@@ -1,6 +1,6 @@
 //! Calibration words: from EEPROM bytes into the datapath's formats.
 
-use cardan_datapath::{Arithmetic, Value};
+use cardan_datapath::{Arithmetic, Node, Value};
 use cardan_spec::calibration::{FRAC, LEN, MAGIC, VERSION, WORDS};
 
 use crate::frame::crc16;
@@ -76,6 +76,12 @@ pub const NOMINAL: [i32; WORDS] = {
     ]
 };
 
+/// A word in its node's format. Not inlined: twelve of them share three formats.
+#[inline(never)]
+fn setting<M: Arithmetic, N: Node>(m: &M, word: i32) -> Value<M, N> {
+    m.parameter::<N, FRAC>(word)
+}
+
 /// The calibration in the formats of the datapath.
 pub struct Calibration<M: Arithmetic> {
     pub(crate) tilt_offset: [Value<M, Offset>; 2],
@@ -89,16 +95,16 @@ pub struct Calibration<M: Arithmetic> {
 impl<M: Arithmetic> Calibration<M> {
     /// Rounds the words into the datapath's formats.
     pub fn new(m: &M, words: &[i32; WORDS]) -> Self {
-        let offset = |index: usize| m.parameter::<Offset, FRAC>(words[index]);
-        let tilt = |index: usize| m.parameter::<TiltGain, FRAC>(words[index]);
-        let field = |index: usize| m.parameter::<FieldGain, FRAC>(words[index]);
+        let offset = |index: usize| setting::<M, Offset>(m, words[index]);
+        let tilt = |index: usize| setting::<M, TiltGain>(m, words[index]);
+        let field = |index: usize| setting::<M, FieldGain>(m, words[index]);
         Self {
             tilt_offset: [offset(0), offset(1)],
             tilt_gain: [[tilt(2), tilt(3)], [tilt(4), tilt(5)]],
             field_offset: [offset(6), offset(7)],
             field_gain: [[field(8), field(9)], [field(10), field(11)]],
-            vertical: m.parameter::<Vertical, FRAC>(words[13]),
-            inverse_horizontal: m.parameter::<InverseHorizontal, FRAC>(words[14]),
+            vertical: setting(m, words[13]),
+            inverse_horizontal: setting(m, words[14]),
         }
     }
 }

@@ -12,22 +12,18 @@ use crate::calibration::{Calibration, NOMINAL, decode};
 use crate::frame::Frame;
 use crate::hal::{Serial, TriggeredAdc};
 
-/// One sample interrupt: takes the result, re-arms the trigger, selects the next channel. Returns
-/// the sums when a solution's conversions are complete, and whether the trigger came late (the first
-/// conversion after reset takes longer than the others, so that the warm-up does not count).
+/// One sample interrupt: takes the result, re-arms the trigger, selects the next channel, adds.
 #[inline(always)]
-pub fn sample<M: Arithmetic>(
-    m: &M,
-    averager: &mut Averager<M>,
-    adc: &mut impl TriggeredAdc,
-) -> (Option<Sums<M>>, bool) {
+pub fn sample<M: Arithmetic>(m: &M, averager: &mut Averager<M>, adc: &mut impl TriggeredAdc) {
     let code = adc.result();
     // First what the next trigger waits for: there are 269 cycles from the end of a conversion to
     // it, and other interrupts may have taken some of them.
-    let missed = !adc.rearm();
-    adc.select(averager.next_channel());
-    let late = missed && averager.is_settled();
-    (averager.push(m, code), late)
+    if !adc.rearm() {
+        averager.note_late();
+    }
+    let turn = averager.turn();
+    adc.select(turn.next_channel());
+    averager.add(m, turn, code);
 }
 
 /// The solver with its state: from sums to frames.
@@ -130,21 +126,20 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
 
     /// Solves and sends. Returns false if the line was still busy and the frame was not sent.
     pub fn solution(&mut self, sums: &Sums<Deployed<T>>, late: bool) -> bool {
-        // A pin of the reference boards cannot fail.
-        let _ = self.solving.set_high();
         match self.serial.receive() {
             Some(layout::COMMAND_TEXT) => self.text = true,
             Some(layout::COMMAND_BINARY) => self.text = false,
             Some(layout::COMMAND_UPRIGHT) => self.solver.set_upright(),
             _ => {}
         }
+        // A pin of the reference boards cannot fail.
+        let _ = self.solving.set_high();
         let frame = self.solver.solve(sums, late);
-        let sent = if self.text {
+        let _ = self.solving.set_low();
+        if self.text {
             self.serial.send(&frame.text())
         } else {
             self.serial.send(&frame.encode())
-        };
-        let _ = self.solving.set_low();
-        sent
+        }
     }
 }

@@ -54,18 +54,18 @@ impl Frame {
     #[must_use]
     pub fn encode(&self) -> Vec<u8, WIRE_LEN> {
         let mut wire = Vec::new();
-        let mut rest: &[u8] = &self.payload();
-        // A payload of 20 bytes never reaches COBS's 254-byte blocks.
-        loop {
-            let run = rest.iter().position(|&byte| byte == 0);
-            let block = run.unwrap_or(rest.len());
-            // The capacity is exact, so pushing cannot fail.
-            let _ = wire.push(block as u8 + 1);
-            let _ = wire.extend_from_slice(rest.get(..block).unwrap_or_default());
-            match run {
-                Some(_) => rest = rest.get(block + 1..).unwrap_or_default(),
-                None => break,
+        // A payload of 20 bytes never reaches COBS's 254-byte blocks. The capacity is exact, so that
+        // pushing cannot fail.
+        let mut start = 0;
+        let _ = wire.push(1);
+        for &byte in &self.payload() {
+            let is_end = byte == 0;
+            if is_end {
+                start = wire.len();
+            } else if let Some(length) = wire.get_mut(start) {
+                *length += 1;
             }
+            let _ = wire.push(if is_end { 1 } else { byte });
         }
         let _ = wire.push(DELIMITER);
         wire

@@ -11,15 +11,15 @@ use crate::nodes::{
     Quadrant,
 };
 
-/// asin(x) / (pi x) = sum of c_k x^(2k) for |x| <= 1/sqrt(2); minimax in x, error 1.4e-4 degrees.
+/// asin(x) / (pi x) = sum of c_k x^(2k) for |x| <= 1/sqrt(2); minimax in the angle, error 1.1e-3
+/// degrees. (A fifth term would reach 1.4e-4, a sixth of a place of the angle, for 200 cycles.)
 struct Coefficients;
 impl Table for Coefficients {
     const VALUES: &'static [f64] = &[
-        0.318_321_250_516_221_57,
-        0.052_635_477_062_651_426,
-        0.028_073_245_775_659_224,
-        -0.002_365_405_573_786_467_2,
-        0.035_050_992_569_613_734,
+        0.318_236_722_945_106_2,
+        0.054_809_690_876_860_634,
+        0.012_803_647_549_659_774,
+        0.037_618_883_237_403_25,
     ];
 }
 
@@ -68,9 +68,7 @@ fn assemble<M: Arithmetic>(
 ) -> Value<M, Angle> {
     let square: Value<M, AsinSquare> = m.mul(x, x);
     let coefficient = |k: usize| m.entry::<AsinCoefficient, Coefficients>(k);
-    let t: Value<M, AsinTerm> = m.mul(coefficient(4), square);
-    let sum: Value<M, AsinSum> = m.add(t, coefficient(3));
-    let t: Value<M, AsinTerm> = m.mul(sum, square);
+    let t: Value<M, AsinTerm> = m.mul(coefficient(3), square);
     let sum: Value<M, AsinSum> = m.add(t, coefficient(2));
     let t: Value<M, AsinTerm> = m.mul(sum, square);
     let sum: Value<M, AsinSum> = m.add(t, coefficient(1));

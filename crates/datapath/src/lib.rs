@@ -38,6 +38,7 @@
 //! assert_eq!(square(&m, x).word(), 2.25);
 //! ```
 #![no_std]
+#![cfg_attr(target_arch = "avr", feature(asm_experimental_arch))]
 #[cfg(feature = "codegen")]
 extern crate std;
 
@@ -49,7 +50,8 @@ pub mod codegen;
 mod container;
 mod deployed;
 mod format;
-mod kernel;
+#[doc(hidden)]
+pub mod kernel;
 mod quantised;
 pub mod rounding;
 mod tap;

@@ -125,6 +125,15 @@ macro_rules! width {
                 root + up as $uint
             }
 
+            /// The least or the greatest word of `word` bits. Cold, so that compilers do not prepare
+            /// both ends in case they are needed (on the AVR 20 cycles a time).
+            #[cold]
+            #[inline(never)]
+            const fn end_of_range(negative: bool, word: u8) -> $int {
+                let magnitude = (1 as $int) << (word - 1);
+                if negative { -magnitude } else { magnitude - 1 }
+            }
+
             /// `raw` limited to `format`'s word; the flag tells whether it did not fit.
             #[inline(always)]
             #[must_use]
@@ -132,22 +141,21 @@ macro_rules! width {
                 if format.word >= $int::BITS {
                     return (raw, false);
                 }
-                let (min, max) = (format.min_raw() as $int, format.max_raw() as $int);
-                if raw >= min && raw <= max {
+                let spare = $int::BITS - format.word;
+                let fits = if spare < 8 {
+                    // One byte tells, which is all that an 8-bit machine should look at.
+                    let top = (raw as $uint >> ($int::BITS - 8)) as u8;
+                    let end = 1u8 << (7 - spare);
+                    top.wrapping_add(end) & !(end | (end - 1)) == 0
+                } else {
+                    (raw << spare) >> spare == raw
+                };
+                if fits {
                     return (raw, false);
                 }
                 let limited = match format.overflow {
-                    Overflow::Wrap => {
-                        let unused = $int::BITS - format.word;
-                        (raw << unused) >> unused
-                    }
-                    Overflow::Saturate | Overflow::Trap => {
-                        if raw < min {
-                            min
-                        } else {
-                            max
-                        }
-                    }
+                    Overflow::Wrap => (raw << spare) >> spare,
+                    Overflow::Saturate | Overflow::Trap => end_of_range(raw < 0, format.word as u8),
                 };
                 (limited, true)
             }

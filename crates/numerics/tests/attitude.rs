@@ -259,11 +259,11 @@ fn the_real_attitude_is_the_truth_to_the_polynomials_error() {
     }
     let solved = Ideal(attitudes.clone()).solve(|| [0.0; CHANNELS]);
     let worst = worst_errors(&attitudes, &solved);
-    // Pitch and roll are one inverse sine each, 1.4e-4 degrees; yaw averages two of them.
+    // Pitch and roll are one inverse sine each, 1.1e-3 degrees; yaw averages two of them.
     for (axis, name) in ["yaw", "pitch", "roll"].iter().enumerate() {
-        assert!(worst[axis] < 1.5e-4, "{name}: {:e} degrees", worst[axis]);
+        assert!(worst[axis] < 1.15e-3, "{name}: {:e} degrees", worst[axis]);
         assert!(
-            worst[axis] > 1e-6,
+            worst[axis] > 1e-5,
             "{name}: {:e} degrees is too good for the polynomial",
             worst[axis]
         );

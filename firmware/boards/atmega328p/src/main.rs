@@ -20,7 +20,6 @@ use cardan_firmware::device::{Device, Solver, sample};
 use cardan_spec::timing;
 
 use crate::adc::TimerTriggeredAdc;
-use crate::shared::Shared;
 use crate::taps::{ARITHMETIC, BoardTap};
 
 #[panic_handler]
@@ -36,7 +35,7 @@ fn main() -> ! {
     // Taken once, before any interrupt is enabled: the handlers steal what they own.
     let Some(peripherals) = Peripherals::take() else { loop {} };
     let image = eeprom::calibration(&peripherals.EEPROM);
-    Shared::initialise();
+    shared::initialise();
     usart::initialise(&peripherals.USART0);
     let solving = solving::SolvingPin::new(peripherals.PORTB);
     // Idle: the clocks of timers, converter and USART run on.
@@ -50,7 +49,7 @@ fn main() -> ! {
     // SAFETY: all state shared with interrupts is initialised above.
     unsafe { avr_device::interrupt::enable() };
     loop {
-        let (sums, late) = Shared::wait();
+        let (sums, late) = shared::wait();
         device.solution(&sums, late);
     }
 }
@@ -69,12 +68,10 @@ fn start_carrier(timer: &avr_device::atmega328p::TC1) {
 // Conversion complete.
 #[avr_device::interrupt(atmega328p)]
 fn ADC() {
-    // SAFETY: this handler is the only user of the averager after initialisation, and the main loop
-    // reads the finished sums with interrupts disabled.
-    let shared = unsafe { Shared::from_interrupt() };
-    let mut adc = TimerTriggeredAdc::from_interrupt();
-    let (sums, late) = sample(&ARITHMETIC, shared.averager(), &mut adc);
-    shared.publish(sums, late);
+    // SAFETY: the state is initialised before interrupts are enabled, and the main loop takes its
+    // view with interrupts disabled.
+    let averager = unsafe { shared::averager() };
+    sample(&ARITHMETIC, averager, &mut TimerTriggeredAdc::from_interrupt());
 }
 
 // Transmit buffer empty.

@@ -15,6 +15,8 @@ pub struct BoardTap;
 static mut CARDAN_TAPS: [i32; NODE_COUNT] = [0; NODE_COUNT];
 
 impl Tap for BoardTap {
+    const SEES_OVERFLOWS: bool = false;
+
     #[cfg(feature = "taps")]
     #[inline(always)]
     fn write(&self, index: usize, raw: i64) {

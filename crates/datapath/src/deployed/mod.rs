@@ -4,15 +4,18 @@
 //! compile time from the formats), then rounds and limits once. A format pair that needs more than
 //! 64 bits is a build error.
 
+mod quantise;
+
 use core::cell::Cell;
 
 use fixed::traits::Fixed;
 
+use self::quantise::{double16, is_kernel_word, max, min, needs_headroom, raw16, raw32, raw64};
 use crate::container::Container;
-use crate::kernel::{divide32, multiply16, square_root32};
+use crate::kernel;
 use crate::quantised::Quantised;
-use crate::rounding::{narrow, wide};
-use crate::{Arithmetic, Constant, Format, Node, Overflow, Table, Tap, Value};
+use crate::rounding::wide;
+use crate::{Arithmetic, Constant, Node, Overflow, Table, Tap, Value};
 
 /// Status bit of the arithmetic itself: a zero divisor, a negative radicand or a trapped overflow.
 /// An algorithm whose own status bits lie otherwise chooses another.
@@ -50,165 +53,6 @@ impl<T: Tap> Deployed<T> {
     fn fail(&self) {
         self.status.set(self.status.get() | self.domain_flag);
     }
-
-    /// Rounds and limits a 32-bit value with `frac` fractional bits into node `N`.
-    #[inline(always)]
-    fn fit32<N: Node>(&self, raw: i32, frac: u32) -> Value<Self, N> {
-        let format = const { format_of::<N>() };
-        let rounded = if frac >= format.frac {
-            narrow::shift_right(raw, frac - format.frac, format.rounding)
-        } else {
-            raw << (format.frac - frac)
-        };
-        let (limited, overflow) = narrow::limit(rounded, format);
-        self.note::<N>(overflow);
-        Value(<N::Word as Fixed>::from_bits(Container::from_i32(limited)))
-    }
-
-    /// Rounds and limits a 64-bit value with `frac` fractional bits into node `N`.
-    #[inline(always)]
-    fn fit64<N: Node>(&self, raw: i64, frac: u32) -> Value<Self, N> {
-        let format = const { format_of::<N>() };
-        let rounded = if frac >= format.frac {
-            wide::shift_right(raw, frac - format.frac, format.rounding)
-        } else {
-            raw << (format.frac - frac)
-        };
-        let (limited, overflow) = wide::limit(rounded, format);
-        self.note::<N>(overflow);
-        Value(<N::Word as Fixed>::from_bits(Container::from_i64(limited)))
-    }
-
-    /// Shows a write to the tap.
-    #[inline(always)]
-    fn record<N: Node>(&self, value: Value<Self, N>) -> Value<Self, N> {
-        self.tap.write(N::INDEX, raw64(value));
-        value
-    }
-
-    #[inline(always)]
-    fn write32<N: Node>(&self, raw: i32, frac: u32) -> Value<Self, N> {
-        self.record(self.fit32(raw, frac))
-    }
-
-    #[inline(always)]
-    fn write64<N: Node>(&self, raw: i64, frac: u32) -> Value<Self, N> {
-        self.record(self.fit64(raw, frac))
-    }
-
-    #[inline(always)]
-    fn note<N: Node>(&self, overflow: bool) {
-        if overflow {
-            self.tap.overflow(N::INDEX);
-            if matches!(N::FORMAT.overflow, Overflow::Trap) {
-                self.fail();
-            }
-        }
-    }
-
-    /// Bits that a value of `word` bits and `frac` fractional bits needs, aligned to `to` fractional
-    /// bits, before it is limited.
-    const fn aligned(word: u32, frac: u32, to: u32) -> u32 {
-        if to > frac { word + to - frac } else { word }
-    }
-
-    #[inline(always)]
-    fn sum<N: Node, A: Node, B: Node>(
-        &self,
-        a: Value<Self, A>,
-        b: Value<Self, B>,
-        minus: bool,
-    ) -> Value<Self, N> {
-        // One bit for the carry and one of headroom for rounding.
-        let frac = const { max(A::FORMAT.frac, B::FORMAT.frac) };
-        let bits = const {
-            let frac = max(A::FORMAT.frac, B::FORMAT.frac);
-            let a = Self::aligned(A::FORMAT.word, A::FORMAT.frac, frac);
-            let b = Self::aligned(B::FORMAT.word, B::FORMAT.frac, frac);
-            let bits = Self::aligned(max(a, b) + 2, frac, N::FORMAT.frac);
-            assert!(
-                bits <= 64,
-                "a sum needs more than 64 bits: choose narrower formats"
-            );
-            bits
-        };
-        if bits <= 32 {
-            let a = raw32(a) << (frac - A::FORMAT.frac);
-            let b = raw32(b) << (frac - B::FORMAT.frac);
-            self.write32(if minus { a - b } else { a + b }, frac)
-        } else {
-            let a = raw64(a) << (frac - A::FORMAT.frac);
-            let b = raw64(b) << (frac - B::FORMAT.frac);
-            self.write64(if minus { a - b } else { a + b }, frac)
-        }
-    }
-
-    /// A single operand brought into another format.
-    #[inline(always)]
-    fn convert<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {
-        let bits = const {
-            let bits = Self::aligned(A::FORMAT.word + 1, A::FORMAT.frac, N::FORMAT.frac);
-            assert!(
-                bits <= 64,
-                "a conversion needs more than 64 bits: choose narrower formats"
-            );
-            bits
-        };
-        if bits <= 32 {
-            self.write32(raw32(a), A::FORMAT.frac)
-        } else {
-            self.write64(raw64(a), A::FORMAT.frac)
-        }
-    }
-
-    /// -a if `condition`, else a.
-    #[inline(always)]
-    fn negate_if<N: Node, A: Node>(&self, condition: bool, a: Value<Self, A>) -> Value<Self, N> {
-        // One bit for the negation of the most negative word, one of headroom for rounding.
-        let bits = const {
-            let bits = Self::aligned(A::FORMAT.word + 2, A::FORMAT.frac, N::FORMAT.frac);
-            assert!(
-                bits <= 64,
-                "a negation or magnitude needs more than 64 bits: choose narrower formats"
-            );
-            bits
-        };
-        if bits <= 32 {
-            let raw = raw32(a);
-            self.write32(if condition { -raw } else { raw }, A::FORMAT.frac)
-        } else {
-            let raw = raw64(a);
-            self.write64(if condition { -raw } else { raw }, A::FORMAT.frac)
-        }
-    }
-}
-
-/// The format of `N`, which its `fixed` type must be able to hold.
-const fn format_of<N: Node>() -> Format {
-    assert!(
-        <N::Word as Fixed>::FRAC_NBITS == N::FORMAT.frac
-            && N::FORMAT.word as usize <= 8 * size_of::<N::Word>(),
-        "a node's `Word` must have the fractional bits of its FORMAT and hold its word"
-    );
-    N::FORMAT
-}
-
-const fn max(a: u32, b: u32) -> u32 {
-    if a > b { a } else { b }
-}
-
-const fn min(a: u32, b: u32) -> u32 {
-    if a < b { a } else { b }
-}
-
-#[inline(always)]
-fn raw64<T: Tap, N: Node>(value: Value<Deployed<T>, N>) -> i64 {
-    value.0.to_bits().to_i64()
-}
-
-#[inline(always)]
-fn raw32<T: Tap, N: Node>(value: Value<Deployed<T>, N>) -> i32 {
-    value.0.to_bits().to_i32()
 }
 
 impl<T: Tap> Arithmetic for Deployed<T> {
@@ -222,8 +66,8 @@ impl<T: Tap> Arithmetic for Deployed<T> {
 
     #[inline(always)]
     fn parameter<N: Node, const F: u32>(&self, raw: i32) -> Value<Self, N> {
-        // Without rounding 32 bits suffice; rounding any i32 needs headroom.
-        if const { F == N::FORMAT.frac } {
+        // 32 bits suffice unless the rounding needs headroom.
+        if const { F == N::FORMAT.frac || F > N::FORMAT.frac && !needs_headroom(N::FORMAT, F) } {
             self.fit32(raw, F)
         } else {
             const {
@@ -273,6 +117,13 @@ impl<T: Tap> Arithmetic for Deployed<T> {
         a: Value<Self, A>,
         b: Value<Self, B>,
     ) -> Value<Self, N> {
+        if const { Self::is_word16::<N, A, B>() } {
+            let (a, b) = (raw16(a), raw16(b));
+            return self.write16(match N::FORMAT.overflow {
+                Overflow::Wrap => a.wrapping_add(b),
+                _ => kernel::add16(a, b),
+            });
+        }
         self.sum(a, b, false)
     }
 
@@ -282,6 +133,13 @@ impl<T: Tap> Arithmetic for Deployed<T> {
         a: Value<Self, A>,
         b: Value<Self, B>,
     ) -> Value<Self, N> {
+        if const { Self::is_word16::<N, A, B>() } {
+            let (a, b) = (raw16(a), raw16(b));
+            return self.write16(match N::FORMAT.overflow {
+                Overflow::Wrap => a.wrapping_sub(b),
+                _ => kernel::sub16(a, b),
+            });
+        }
         self.sum(a, b, true)
     }
 
@@ -302,8 +160,26 @@ impl<T: Tap> Arithmetic for Deployed<T> {
             bits
         };
         if A::FORMAT.word <= 16 && B::FORMAT.word <= 16 && bits <= 32 {
-            let (a, b) = (a.0.to_bits().to_i16(), b.0.to_bits().to_i16());
-            self.write32(multiply16(a, b), frac)
+            let (a, b) = (raw16(a), raw16(b));
+            let shift = frac.wrapping_sub(N::FORMAT.frac);
+            if Self::WITH_KERNELS && is_kernel_word(N::FORMAT) && (14..=16).contains(&shift) {
+                return self.write16(match shift {
+                    14 => kernel::multiply_round14(a, b),
+                    15 => kernel::multiply_round15(a, b),
+                    _ => kernel::multiply_round16(a, b),
+                });
+            }
+            if Self::WITH_KERNELS
+                && N::FORMAT.word == 31
+                && N::FORMAT.frac == frac
+                && matches!(N::FORMAT.overflow, Overflow::Saturate)
+            {
+                let product = kernel::multiply31(a, b);
+                return self.record(Value(<N::Word as Fixed>::from_bits(Container::from_i32(
+                    product,
+                ))));
+            }
+            self.write32(kernel::multiply16(a, b), frac)
         } else if bits <= 32 {
             self.write32(raw32(a) * raw32(b), frac)
         } else {
@@ -343,13 +219,26 @@ impl<T: Tap> Arithmetic for Deployed<T> {
                 end,
             ))));
         }
+        if Self::WITH_KERNELS
+            && is_kernel_word(N::FORMAT)
+            && A::FORMAT.word <= 16
+            && B::FORMAT.word <= 16
+            && (up == 14 || up == 15)
+        {
+            let (a, b) = (raw16(a), raw16(b));
+            return self.write16(if up == 14 {
+                kernel::divide14(a, b)
+            } else {
+                kernel::divide15(a, b)
+            });
+        }
         let (left, right) = if up > 0 {
             (up as u32, 0)
         } else {
             (0, up.unsigned_abs())
         };
         if bits < 32 {
-            let quotient = divide32(raw32(a) << left, raw32(b) << right, format.rounding);
+            let quotient = kernel::divide32(raw32(a) << left, raw32(b) << right, format.rounding);
             self.write32(quotient, format.frac)
         } else {
             let quotient = wide::divide(raw64(a) << left, divisor << right, format.rounding);
@@ -381,7 +270,13 @@ impl<T: Tap> Arithmetic for Deployed<T> {
         }
         if A::FORMAT.word + up <= 32 {
             let radicand = if negative { 0 } else { (raw32(a) as u32) << up };
-            self.write32(square_root32(radicand, format.rounding) as i32, format.frac)
+            if Self::WITH_KERNELS && is_kernel_word(format) {
+                return self.write16(kernel::square_root16(radicand));
+            }
+            self.write32(
+                kernel::square_root32(radicand, format.rounding) as i32,
+                format.frac,
+            )
         } else {
             let radicand = if negative { 0 } else { (raw64(a) as u64) << up };
             self.write64(
@@ -416,7 +311,17 @@ impl<T: Tap> Arithmetic for Deployed<T> {
             );
             bits
         };
-        if bits <= 32 {
+        let doublings = const {
+            let frac = A::FORMAT.frac as i32 - POWER;
+            if frac >= 0 {
+                Self::doublings::<N, A>(frac as u32)
+            } else {
+                None
+            }
+        };
+        if let Some(doublings) = doublings {
+            self.write16(double16(raw16(a), doublings))
+        } else if bits <= 32 {
             self.write32(raw32(a) << first, frac)
         } else {
             self.write64(raw64(a) << first, frac)
@@ -425,11 +330,25 @@ impl<T: Tap> Arithmetic for Deployed<T> {
 
     #[inline(always)]
     fn neg<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {
+        if const { Self::is_word16::<N, A, A>() } {
+            let raw = raw16(a);
+            return self.write16(match N::FORMAT.overflow {
+                Overflow::Wrap => raw.wrapping_neg(),
+                _ => kernel::neg16(raw),
+            });
+        }
         self.negate_if(true, a)
     }
 
     #[inline(always)]
     fn abs<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {
+        if const { Self::is_word16::<N, A, A>() } {
+            let raw = raw16(a);
+            return self.write16(match N::FORMAT.overflow {
+                Overflow::Wrap => raw.wrapping_abs(),
+                _ => kernel::abs16(raw),
+            });
+        }
         self.negate_if(self.negative(a), a)
     }
 
