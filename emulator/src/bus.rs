@@ -14,7 +14,7 @@ use crate::system::power;
 const TIMER_POWER: [u8; 3] = [power::TIMER0, power::TIMER1, power::TIMER2];
 
 /// Timer and register at a data address.
-fn timer_register(address: u16) -> Option<(usize, Register)> {
+pub(crate) fn timer_register(address: u16) -> Option<(usize, Register)> {
     Some(match address {
         io::TIFR0 => (0, Register::Flags),
         io::TIFR1 => (1, Register::Flags),

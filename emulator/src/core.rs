@@ -95,7 +95,7 @@ pub struct Core {
     pub(crate) lpm_in_machine: bool,
 }
 
-fn boxed<T: Clone, const LEN: usize>(value: T) -> Box<[T; LEN]> {
+pub(crate) fn boxed<T: Clone, const LEN: usize>(value: T) -> Box<[T; LEN]> {
     match vec![value; LEN].into_boxed_slice().try_into() {
         Ok(array) => array,
         Err(_) => unreachable!("the vector has LEN elements"),

@@ -7,17 +7,27 @@ use crate::alu::{self, Flags};
 use crate::core::{Core, flash_byte, pair, pop_pc, push_pc, set_pair};
 use crate::engine::{Arrivals, Exit, Unwatched};
 use crate::isa::Code;
+use crate::observer::{Moment, Nobody, Observer};
 
 impl Core {
     /// Executes until `next_event` or an instruction that needs the machine.
     pub fn run(&mut self) -> Exit {
-        self.run_watched(&mut Unwatched)
+        self.run_observed(&mut Unwatched, &mut Nobody)
     }
 
     /// The same, and asks `arrivals` after each jump, branch taken, call and return whether to
     /// return there.
-    // One match arm per operation: the table of the instruction set, kept in one place.
     pub fn run_watched<A: Arrivals>(&mut self, arrivals: &mut A) -> Exit {
+        self.run_observed(arrivals, &mut Nobody)
+    }
+
+    /// The same, and shows `observer` every instruction before it is executed.
+    // One match arm per operation: the table of the instruction set, kept in one place.
+    pub(crate) fn run_observed<A: Arrivals, O: Observer>(
+        &mut self,
+        arrivals: &mut A,
+        observer: &mut O,
+    ) -> Exit {
         let ops = &*self.ops;
         let data = &mut *self.data;
         let flash = &self.flash[..];
@@ -31,6 +41,21 @@ impl Core {
         let mut instructions = self.instructions;
         let mut lowest_sp = self.lowest_sp;
 
+        macro_rules! show {
+            ($op:expr) => {{
+                if O::IS_WATCHING {
+                    observer.instruction(&Moment {
+                        pc,
+                        code: $op.code,
+                        cycle: next_event.wrapping_sub(left as u64),
+                        sp,
+                        lowest_sp,
+                        flags,
+                        data,
+                    });
+                }
+            }};
+        }
         macro_rules! reg {
             ($i:expr) => {
                 data[$i as usize]
@@ -204,6 +229,7 @@ impl Core {
                     break Exit::Event;
                 }
                 let second = ops[pc as usize];
+                show!(second);
                 instruction!($second second);
             }};
         }
@@ -213,6 +239,7 @@ impl Core {
                 break Exit::Event;
             }
             let op = ops[pc as usize];
+            show!(op);
             match op.code {
                 Code::Nop => next!(1),
                 Code::Movw => instruction!(Movw op),

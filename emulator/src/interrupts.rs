@@ -84,14 +84,14 @@ impl Interrupts {
         (self.pending != 0).then(|| self.pending.trailing_zeros() as usize)
     }
 
-    /// Notes that the entry to `vector` begins at cycle `at`.
-    pub(crate) fn enter(&mut self, vector: usize, at: u64) {
+    /// Notes that the entry to `vector` begins at cycle `at`; returns the latency.
+    pub(crate) fn enter(&mut self, vector: usize, at: u64) -> u64 {
+        let latency = at.saturating_sub(self.since[vector]);
         let statistics = &mut self.statistics[vector];
         statistics.count += 1;
-        statistics.latency_max = statistics
-            .latency_max
-            .max(at.saturating_sub(self.since[vector]));
+        statistics.latency_max = statistics.latency_max.max(latency);
         // A level request that stays is a new one from here on.
         self.since[vector] = at;
+        latency
     }
 }

@@ -47,13 +47,17 @@ mod interpreter;
 mod interrupts;
 mod isa;
 mod machine;
+mod observer;
 mod peripherals;
 mod power;
+mod profile;
 mod registers;
 mod schedule;
 mod stop;
+mod symbols;
 mod system;
 mod traps;
+mod watch;
 mod wiring;
 mod wiring_pins;
 mod wiring_serial;
@@ -68,5 +72,12 @@ pub use fuses::Fuses;
 pub use image::{Image, LoadError, LoadProblem, Memory, Symbol};
 pub use interrupts::VectorStatistics;
 pub use machine::{Machine, Statistics, Supply};
+pub use observer::Observers;
 pub use power::ResetCause;
+pub use profile::{
+    Distribution, FunctionCost, LineCost, LoadWindow, PlaceCost, Profile, Report as ProfileReport,
+    StackPeak, Totals, VectorCost, Window,
+};
 pub use stop::{Cause, Crash, Report, ReportKind, Stop};
+pub use symbols::{Frame, Function, Row, Symbols, shortened};
+pub use watch::{Change, Watch, Watched};

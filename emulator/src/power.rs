@@ -4,6 +4,7 @@
 use crate::environment::Environment;
 use crate::interrupts::vector;
 use crate::machine::Machine;
+use crate::observer::{Observer, Pause};
 use crate::peripherals::adc::Adc;
 use crate::peripherals::comparator::Comparator;
 use crate::peripherals::external::{CaptureInput, External};
@@ -146,8 +147,14 @@ impl Machine {
     }
 
     /// Passes the time asleep up to the next event, or wakes the processor.
-    pub(crate) fn sleep_on<E: Environment>(&mut self, until: u64, env: &mut E) {
+    pub(crate) fn sleep_on<E: Environment, O: Observer>(
+        &mut self,
+        until: u64,
+        env: &mut E,
+        observer: &mut O,
+    ) {
         let now = self.core.cycle;
+        observer.pause(Pause::Asleep, self);
         if self.interrupts.pending() & self.wake_mask() != 0 && self.core.flags.interrupts_enabled()
         {
             let was_stopped = self.is_io_stopped();
@@ -157,6 +164,7 @@ impl Machine {
             }
             self.statistics.sleeping_cycles += self.core.cycle - now;
             self.is_sleeping = false;
+            observer.pause(Pause::Halted, self);
             self.core.cycle += WAKE_HALT;
             return;
         }

@@ -4,9 +4,10 @@
 //! cycles, and only then is an interrupt considered. Register accesses first carry out the events
 //! up to their own cycle, so nothing is ever seen out of order.
 
-use crate::engine::{Engine, Exit, Interpreter};
+use crate::engine::{Engine, Exit, Interpreter, Unwatched};
 use crate::environment::Environment;
 use crate::machine::Machine;
+use crate::observer::{Nobody, Observer, Observers, Pause};
 use crate::stop::{Cause, Stop};
 use crate::traps::Sprung;
 
@@ -112,13 +113,41 @@ impl Machine {
         env: &mut E,
         until_cycle: u64,
     ) -> Stop {
+        self.run_shown(engine, env, until_cycle, &mut Nobody)
+    }
+
+    /// [`Machine::run`] with the interpreter, which shows `observers` what happens: slower.
+    pub fn run_observed<E: Environment>(
+        &mut self,
+        env: &mut E,
+        until_cycle: u64,
+        observers: &mut Observers<'_>,
+    ) -> Stop {
+        let engine = &mut Interpreter;
+        let stop = match (&mut observers.profile, &mut observers.watch) {
+            (Some(profile), None) => self.run_shown(engine, env, until_cycle, *profile),
+            _ => self.run_shown(engine, env, until_cycle, observers),
+        };
+        observers.finish(self);
+        stop
+    }
+
+    fn run_shown<G: Engine, E: Environment, O: Observer>(
+        &mut self,
+        engine: &mut G,
+        env: &mut E,
+        until_cycle: u64,
+        observer: &mut O,
+    ) -> Stop {
         let until = until_cycle.min(ENDLESS);
         self.usart.shows_line = E::SERIAL_EDGES;
         self.poll_input(self.core.cycle, env);
         loop {
             self.fire_events(self.core.cycle, env);
             if let Some(cause) = self.pending_reset.take() {
+                observer.pause(Pause::Reset, self);
                 self.reset(cause, env);
+                observer.settled(self);
             }
             if env.stop_requested() {
                 return Stop::Requested;
@@ -131,11 +160,11 @@ impl Machine {
                     // Nothing can ever wake it, and nobody wants to know when.
                     return Stop::Sleep;
                 }
-                self.sleep_on(until, env);
+                self.sleep_on(until, env, observer);
                 continue;
             }
             if self.may_interrupt() {
-                if let Err(cause) = self.enter_interrupt(env) {
+                if let Err(cause) = self.enter_interrupt(env, observer) {
                     return self.crash(cause);
                 }
                 continue;
@@ -145,17 +174,39 @@ impl Machine {
             }
             let (held, before) = (self.one_more, self.core.instructions);
             self.core.next_event = self.next_attention(until);
-            if engine.run(&mut self.core) == Exit::Machine
-                && let Err(stop) = self.execute_here(env, until)
+            // An engine of translated code has nothing to show.
+            let exit = match O::IS_WATCHING {
+                true => self.core.run_observed(&mut Unwatched, observer),
+                false => engine.run(&mut self.core),
+            };
+            if exit == Exit::Machine
+                && let Err(stop) = self.execute_shown(env, until, observer)
             {
                 // A stop before the first instruction leaves everything for the next run.
                 self.one_more |= held && self.core.instructions == before;
                 return stop;
             }
+            observer.settled(self);
             if self.traps.sprung.is_some() {
                 return Stop::Requested;
             }
         }
+    }
+
+    /// Executes the instruction that the core has shown and left to the machine.
+    fn execute_shown<E: Environment, O: Observer>(
+        &mut self,
+        env: &mut E,
+        until: u64,
+        observer: &mut O,
+    ) -> Result<(), Stop> {
+        if !O::IS_WATCHING {
+            return self.execute_here(env, until);
+        }
+        let (code, before) = (self.core.op().code, self.core.instructions);
+        let result = self.execute_here(env, until);
+        observer.completed(code, self.core.instructions - before);
+        result
     }
 
     /// Executes one instruction (or one interrupt entry, or sleeps to the next event).
@@ -186,20 +237,26 @@ impl Machine {
             && self.core.cycle >= self.system.interrupts_held_until()
     }
 
-    fn enter_interrupt<E: Environment>(&mut self, env: &mut E) -> Result<(), Cause> {
+    fn enter_interrupt<E: Environment, O: Observer>(
+        &mut self,
+        env: &mut E,
+        observer: &mut O,
+    ) -> Result<(), Cause> {
         let Some(vector) = self.interrupts.highest() else {
             return Ok(());
         };
         if !self.core.may_push(2) {
             return Err(Cause::StackOutOfMemory { sp: self.core.sp });
         }
-        self.interrupts.enter(vector, self.core.cycle);
+        let latency = self.interrupts.enter(vector, self.core.cycle);
+        observer.pause(Pause::Entry { vector, latency }, self);
         self.touch_stack(0, 2, true);
         self.core.push_pc(self.core.pc & self.core.pc_mask());
         self.core.flags.enable_interrupts(false);
         self.acknowledge(vector, self.core.cycle, env);
         self.core.pc = self.vector_base() + vector as u16 * 2;
         self.core.cycle += ENTRY;
+        observer.settled(self);
         Ok(())
     }
 

@@ -2,6 +2,10 @@
 
 mod desk;
 mod gdb;
+mod profile;
+mod profile_files;
+mod profile_text;
+mod program;
 mod pty;
 mod serial;
 mod standard_input;
@@ -15,10 +19,12 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use cardan_emulator::{Device, Image, Machine, Stop, Supply};
+use cardan_emulator::{Device, Machine, Observers, Profile, Stop, Supply};
 use clap::Args;
 
 use self::desk::Desk;
+use self::profile_files::Folder;
+use self::program::Program;
 use self::serial::{Choice, Line};
 use self::stimulus::Stimulus;
 use self::summary::Summary;
@@ -79,6 +85,16 @@ pub(crate) struct Arguments {
     /// detaches.
     #[arg(long, value_name = "ADDR")]
     gdb: Option<gdb::Address>,
+    /// Counts where the cycles go and shows it at the end, on standard error: functions, source
+    /// lines (programs compiled with -gdwarf-4), interrupts, load, deepest stack, memory. Counting
+    /// changes nothing in the program's time. With `--json` it is all in the document, as `profile`.
+    #[arg(long, conflicts_with = "gdb")]
+    profile: bool,
+    /// Profiles, and writes into this folder: `profile.json`, `lcov.info` (line coverage for
+    /// `genhtml`; only with source lines), `folded.txt` (call paths for flame graphs) and
+    /// `listing.txt` (every instruction with its count and cycles).
+    #[arg(long, value_name = "DIR", conflicts_with = "gdb")]
+    profile_out: Option<PathBuf>,
     /// Exits with the program's own code, register r24 (the low byte of what `main` returned),
     /// when it ends by itself; with 3 when the cycle limit comes first.
     #[arg(long)]
@@ -87,14 +103,23 @@ pub(crate) struct Arguments {
 
 /// Runs the command.
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
-    let mut machine = machine(arguments)?;
+    let program = Program::read(&arguments.file, arguments.mcu)?;
+    let mut machine = machine(arguments, &program);
     let mut desk = Desk::new(connections(arguments)?);
     let port = arguments.gdb.as_ref().map(gdb::Port::open).transpose()?;
     let mut line = Line::open(arguments.uart.as_ref(), arguments.freq, output)?;
     if let Some(file) = &arguments.vcd {
         desk.waveform = Some(Waveform::create(file, arguments.freq)?);
     }
+    let folder = arguments.profile_out.as_deref().map(Folder::create);
+    let folder = folder.transpose()?;
+    let is_profiling = arguments.profile || folder.is_some();
+    let mut profile = is_profiling.then(|| Profile::new(program.symbols(), &machine));
     let begin = Instant::now();
+    let observers = Observers {
+        profile: profile.as_mut(),
+        watch: None,
+    };
     let limit = arguments.cycles.unwrap_or(u64::MAX);
     let mut early_stop = None;
     let mut is_lost = false;
@@ -105,22 +130,36 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     }
     let stop = match early_stop {
         Some(stop) => stop,
-        None => run(&mut machine, &mut desk, &mut line, limit)?,
+        None => run(&mut machine, &mut desk, &mut line, limit, observers)?,
     };
     let host_seconds = begin.elapsed().as_secs_f64();
     line.close(&mut desk)?;
     if let Some(waveform) = desk.waveform.take() {
         waveform.finish(machine.cycle())?;
     }
-    let summary = Summary::new(&machine, &stop, host_seconds);
+    let profile = profile.map(|profile| profile.report(&machine, program.symbols()));
+    let document = profile
+        .as_ref()
+        .map(|report| program.profile(report, &machine));
+    if let (Some(folder), Some(report), Some(document)) = (&folder, &profile, &document) {
+        folder.write(document, report, &machine, program.symbols())?;
+    }
+    let summary = Summary::new(&machine, &stop, host_seconds, &program, document);
     if output.is_json() {
         output.document(&summary);
     }
-    for report in machine.reports() {
+    for report in summary.reports() {
         output.note(&format!("note: {report}"));
     }
     if let Stop::Crash(crash) = &stop {
-        output.error(&format!("{}: crash {crash}", arguments.file.display()));
+        let place = program.place(crash.pc);
+        output.error(&format!(
+            "{}: crash {crash}{place}",
+            arguments.file.display()
+        ));
+    }
+    if let Some(profile) = summary.profile() {
+        output.note(&profile.to_string());
     }
     output.note(&summary.to_string());
     if is_lost {
@@ -131,16 +170,15 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
 }
 
 /// The chip with the program in it.
-fn machine(arguments: &Arguments) -> Result<Machine, Failure> {
-    let image = Image::read(&arguments.file, arguments.mcu).map_err(Failure::input)?;
+fn machine(arguments: &Arguments, program: &Program) -> Machine {
     let mut machine = Machine::new(arguments.mcu, arguments.freq);
     machine.set_supply(Supply {
         avcc_volts: arguments.vcc,
         aref_volts: arguments.vcc,
         ..Supply::default()
     });
-    machine.load(&image);
-    Ok(machine)
+    machine.load(program.image());
+    machine
 }
 
 /// What is connected to the pins: constant voltages, and what the stimulus file brings.
@@ -173,9 +211,15 @@ fn run(
     desk: &mut Desk,
     line: &mut Line,
     limit: u64,
+    mut observers: Observers<'_>,
 ) -> Result<Stop, Failure> {
     loop {
-        let stop = machine.run(desk, slice_end(machine, limit));
+        let until = slice_end(machine, limit);
+        let stop = if observers.are_none() {
+            machine.run(desk, until)
+        } else {
+            machine.run_observed(desk, until, &mut observers)
+        };
         line.exchange(desk, machine.cycle())?;
         let is_over = stop != Stop::Limit || machine.cycle() >= limit;
         if is_over || desk.is_closed {

@@ -5,6 +5,9 @@ use std::fmt;
 use cardan_emulator::{Machine, Stop};
 use serde::Serialize;
 
+use super::profile::Document;
+use super::program::Program;
+
 /// The JSON document of `run` (contract).
 #[derive(Serialize)]
 pub(super) struct Summary {
@@ -27,6 +30,9 @@ pub(super) struct Summary {
     crash: Option<Crash>,
     /// Odd accesses, each place once.
     reports: Vec<String>,
+    /// With `--profile`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    profile: Option<Document>,
 }
 
 /// Where and why the program crashed.
@@ -35,11 +41,21 @@ struct Crash {
     pc: u32,
     instruction: String,
     cause: String,
+    /// Function and source line, as far as the program's file names them.
+    function: Option<String>,
+    file: Option<String>,
+    line: Option<u32>,
 }
 
 impl Summary {
     /// The state of `machine` after `stop`.
-    pub(super) fn new(machine: &Machine, stop: &Stop, host_seconds: f64) -> Self {
+    pub(super) fn new(
+        machine: &Machine,
+        stop: &Stop,
+        host_seconds: f64,
+        program: &Program,
+        profile: Option<Document>,
+    ) -> Self {
         let statistics = machine.statistics();
         let rate = statistics.cycles as f64 / 1e6 / host_seconds;
         Self {
@@ -60,14 +76,43 @@ impl Summary {
                 .ram_end()
                 .saturating_sub(statistics.lowest_sp),
             crash: match stop {
-                Stop::Crash(crash) => Some(Crash {
-                    pc: crash.pc,
-                    instruction: crash.instruction.clone(),
-                    cause: crash.cause.to_string(),
-                }),
+                Stop::Crash(crash) => Some(Crash::new(crash, program)),
                 _ => None,
             },
-            reports: machine.reports().iter().map(ToString::to_string).collect(),
+            reports: machine
+                .reports()
+                .iter()
+                .map(|report| format!("{report}{}", program.place(report.pc)))
+                .collect(),
+            profile,
+        }
+    }
+
+    /// Odd accesses with their places.
+    pub(super) fn reports(&self) -> &[String] {
+        &self.reports
+    }
+
+    /// The profile, if there is one.
+    pub(super) fn profile(&self) -> Option<&Document> {
+        self.profile.as_ref()
+    }
+}
+
+impl Crash {
+    fn new(crash: &cardan_emulator::Crash, program: &Program) -> Self {
+        let frame = program.symbols().frames_at(crash.pc).into_iter().next();
+        let (function, file, line) = match frame {
+            Some(frame) => (frame.function, frame.file, frame.line),
+            None => (None, None, None),
+        };
+        Self {
+            pc: crash.pc,
+            instruction: crash.instruction.clone(),
+            cause: crash.cause.to_string(),
+            function,
+            file,
+            line,
         }
     }
 }
