@@ -45,7 +45,7 @@ pub fn text(path: &Path) -> &str {
 /// The compiler is missing (with the command that installs it) or refuses the program.
 #[must_use]
 pub fn compile(name: &str, folder: &Path) -> PathBuf {
-    compile_with(&["-Os"], name, folder)
+    compile_with(name, folder, &[])
 }
 
 /// The same with debug information, and statements in their order.
@@ -54,15 +54,31 @@ pub fn compile(name: &str, folder: &Path) -> PathBuf {
 /// As [`compile`].
 #[must_use]
 pub fn compile_for_debugger(name: &str, folder: &Path) -> PathBuf {
-    compile_with(&["-Og", "-g"], name, folder)
+    compile_with(name, folder, &["-Og", "-g"])
 }
 
-fn compile_with(options: &[&str], name: &str, folder: &Path) -> PathBuf {
+/// The same with more options for the compiler.
+///
+/// # Panics
+/// As [`compile`].
+#[must_use]
+pub fn compile_with(name: &str, folder: &Path, options: &[&str]) -> PathBuf {
     let source = root().join("tests/programs").join(format!("{name}.c"));
-    let elf = folder.join(format!("{name}.elf"));
+    compile_file(&source, folder, options)
+}
+
+/// Compiles any C file into `folder` and returns the ELF file.
+///
+/// # Panics
+/// As [`compile`].
+#[must_use]
+pub fn compile_file(source: &Path, folder: &Path, options: &[&str]) -> PathBuf {
+    let name = source.file_stem().expect("a file");
+    let elf = folder.join(name).with_extension("elf");
     let mut gcc = Command::new("avr-gcc");
-    gcc.args(options)
-        .args(["-mmcu=atmega328p", "-Wall", "-Werror", "-o"])
+    gcc.args(["-mmcu=atmega328p", "-Os", "-Wall", "-Werror"])
+        .args(options)
+        .arg("-o")
         .arg(&elf)
         .arg(source);
     succeed(gcc);

@@ -238,6 +238,13 @@ fn test_tools() -> [Part; 7] {
             ),
         ),
         Part::new(
+            "lcov",
+            Need::Tests,
+            "opens the coverage that `run --profile-out` writes",
+            program("genhtml", &["--version"]),
+            Install::Packages(&["lcov"]),
+        ),
+        Part::new(
             "chromium",
             Need::Tests,
             "opens report pages as a reader would",
