@@ -79,5 +79,5 @@ pub use profile::{
     StackPeak, Totals, VectorCost, Window,
 };
 pub use stop::{Cause, Crash, Report, ReportKind, Stop};
-pub use symbols::{Frame, Function, Row, Symbols, shortened};
+pub use symbols::{Frame, Function, Row, Symbols, demangle, shortened};
 pub use watch::{Change, Watch, Watched};

@@ -24,10 +24,13 @@ pub enum Watched {
         /// Number of bytes, 1 to 8.
         bytes: u8,
     },
-    /// An I/O register that keeps what the program writes ([`Machine::stored_register`]).
+    /// An I/O register that keeps what the program writes ([`Machine::stored_register`]), or two
+    /// of them, the least significant first.
     Register {
-        /// Data address.
+        /// Data address of the first.
         address: u16,
+        /// Number of registers, 1 or 2.
+        bytes: u8,
     },
 }
 
@@ -99,7 +102,11 @@ impl Watch {
                 data: &core.data,
             };
             let value = match self.watched[index] {
-                Watched::Register { address } => machine.stored_register(address).map(u64::from),
+                Watched::Register { address, bytes } => {
+                    let byte = |i: u8| machine.stored_register(address.wrapping_add(i.into()));
+                    (0..bytes.min(2))
+                        .try_fold(0, |value, i| Some(value | u64::from(byte(i)?) << (8 * i)))
+                }
                 watched => state.value(watched),
             };
             if let Some(value) = value {

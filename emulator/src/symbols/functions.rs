@@ -107,6 +107,6 @@ fn code_end(file: &ElfFile<'_>) -> u64 {
 }
 
 /// A name as its language spells it (Rust, C++); others stay as they are.
-pub(super) fn demangle(name: &str) -> String {
+pub fn demangle(name: &str) -> String {
     addr2line::demangle_auto(Cow::Borrowed(name), None).into_owned()
 }

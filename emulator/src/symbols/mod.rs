@@ -15,8 +15,7 @@ use addr2line::Context;
 use gimli::{Dwarf, EndianArcSlice, LittleEndian};
 use object::{Object, ObjectSection};
 
-pub use self::functions::Function;
-use self::functions::demangle;
+pub use self::functions::{Function, demangle};
 use self::lines::Lines;
 pub use self::lines::Row;
 

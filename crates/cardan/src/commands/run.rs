@@ -8,6 +8,7 @@ mod profile_text;
 mod program;
 mod pty;
 mod serial;
+mod signals;
 mod standard_input;
 mod stimulus;
 mod stimulus_csv;
@@ -19,7 +20,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use cardan_emulator::{Device, Machine, Observers, Profile, Stop, Supply};
+use cardan_emulator::{Device, Machine, Observers, Profile, Stop, Supply, Watch};
 use clap::Args;
 
 use self::desk::Desk;
@@ -77,9 +78,17 @@ pub(crate) struct Arguments {
     /// holds until the next.
     #[arg(long, value_name = "FILE")]
     stimulus: Option<PathBuf>,
-    /// Writes the levels of all pins as a value change dump.
+    /// Writes the levels of all pins, or what `--vcd-signal` names, as a value change dump for
+    /// waveform viewers such as GTKWave. Its unit is 1 ps: each change is rounded once, from its
+    /// cycle to that. The dump can be the `--stimulus` of another run.
     #[arg(long, value_name = "FILE")]
     vcd: Option<PathBuf>,
+    /// What the dump shows instead of all pins; may be repeated. Pins (PB0), voltages when they are
+    /// held (adc0_V), r0 to r31, sreg, sp, pc, I/O registers that keep what is written (OCR1A),
+    /// variables by their name, with a type where it is needed (`count`, `count:i16`, `table:u8`),
+    /// and addresses (@0x0123:u16). Each store is shown at its own cycle; that takes time.
+    #[arg(long, value_name = "NAME", requires = "vcd", conflicts_with = "gdb")]
+    vcd_signal: Vec<String>,
     /// Waits for a debugger such as `avr-gdb` at HOST:PORT, or at a port of this machine (0 picks
     /// one and says which), and lets it steer the run. The run ends with the debugger, unless that
     /// detaches.
@@ -108,9 +117,13 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     let mut desk = Desk::new(connections(arguments)?);
     let port = arguments.gdb.as_ref().map(gdb::Port::open).transpose()?;
     let mut line = Line::open(arguments.uart.as_ref(), arguments.freq, output)?;
-    if let Some(file) = &arguments.vcd {
-        desk.waveform = Some(Waveform::create(file, arguments.freq)?);
-    }
+    desk.waveform = waveform(arguments, &program)?;
+    let mut watch = desk.waveform.as_mut().and_then(|waveform| {
+        let watched = waveform.watched();
+        let watch = (!watched.is_empty()).then(|| Watch::new(watched, &machine));
+        waveform.begin(watch.as_ref());
+        watch
+    });
     let folder = arguments.profile_out.as_deref().map(Folder::create);
     let folder = folder.transpose()?;
     let is_profiling = arguments.profile || folder.is_some();
@@ -118,7 +131,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     let begin = Instant::now();
     let observers = Observers {
         profile: profile.as_mut(),
-        watch: None,
+        watch: watch.as_mut(),
     };
     let limit = arguments.cycles.unwrap_or(u64::MAX);
     let mut early_stop = None;
@@ -135,7 +148,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     let host_seconds = begin.elapsed().as_secs_f64();
     line.close(&mut desk)?;
     if let Some(waveform) = desk.waveform.take() {
-        waveform.finish(machine.cycle())?;
+        waveform.finish(machine.cycle(), watch.as_mut())?;
     }
     let profile = profile.map(|profile| profile.report(&machine, program.symbols()));
     let document = profile
@@ -181,6 +194,18 @@ fn machine(arguments: &Arguments, program: &Program) -> Machine {
     machine
 }
 
+/// The dump that `--vcd` asks for.
+fn waveform(arguments: &Arguments, program: &Program) -> Result<Option<Waveform>, Failure> {
+    let Some(file) = &arguments.vcd else {
+        return Ok(None);
+    };
+    let signals = match &arguments.vcd_signal[..] {
+        [] => signals::pins(),
+        names => signals::named(names, program.image(), arguments.mcu).map_err(Failure::input)?,
+    };
+    Waveform::create(file, arguments.freq, signals).map(Some)
+}
+
 /// What is connected to the pins: constant voltages, and what the stimulus file brings.
 fn connections(arguments: &Arguments) -> Result<Stimulus, Failure> {
     let mut stimulus = match &arguments.stimulus {
@@ -221,6 +246,9 @@ fn run(
             machine.run_observed(desk, until, &mut observers)
         };
         line.exchange(desk, machine.cycle())?;
+        if let Some(waveform) = &mut desk.waveform {
+            waveform.take(observers.watch.as_deref_mut());
+        }
         let is_over = stop != Stop::Limit || machine.cycle() >= limit;
         if is_over || desk.is_closed {
             return Ok(stop);

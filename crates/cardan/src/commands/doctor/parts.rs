@@ -186,7 +186,7 @@ fn avr_tools() -> [Part; 3] {
     ]
 }
 
-fn test_tools() -> [Part; 7] {
+fn test_tools() -> [Part; 10] {
     [
         Part::new(
             "gcc",
@@ -243,6 +243,23 @@ fn test_tools() -> [Part; 7] {
             "opens the coverage that `run --profile-out` writes",
             program("genhtml", &["--version"]),
             Install::Packages(&["lcov"]),
+        ),
+        Part::new(
+            "gtkwave",
+            Need::Tests,
+            "reads the waveforms that `run --vcd` writes",
+            match runs("sh", &["-c", "command -v vcd2fst && command -v fst2vcd"]) {
+                true => Ok(package_version("gtkwave").unwrap_or("found".to_owned())),
+                false => Err("not there".to_owned()),
+            },
+            Install::Packages(&["gtkwave"]),
+        ),
+        Part::new(
+            "icarus verilog",
+            Need::Tests,
+            "writes waveforms that `run --stimulus` reads",
+            program("iverilog", &["-V"]),
+            Install::Packages(&["iverilog"]),
         ),
         Part::new(
             "chromium",

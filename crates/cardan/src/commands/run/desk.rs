@@ -52,7 +52,13 @@ impl Environment for Desk {
 
     fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
         match input {
-            AnalogInput::Pin(channel) => self.stimulus.volts(channel, cycle),
+            AnalogInput::Pin(channel) => {
+                let volts = self.stimulus.volts(channel, cycle);
+                if let Some(waveform) = &mut self.waveform {
+                    waveform.held(cycle, channel, volts);
+                }
+                volts
+            }
             AnalogInput::Temperature => TEMPERATURE_VOLTS,
             _ => 0.0,
         }

@@ -43,11 +43,13 @@ pub(super) fn read(file: &Path, hz: u64) -> Result<Stimulus, Failure> {
             file.display()
         ))
     })?;
+    // Some programs on other systems begin every text with this mark.
+    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&text);
     // Every declaration of a dump begins with a dollar sign, no header row of a CSV does.
     if text.trim_ascii_start().starts_with(b"$") {
-        stimulus_vcd::read(file, &text, hz)
+        stimulus_vcd::read(file, text, hz)
     } else {
-        stimulus_csv::read(file, &text, hz)
+        stimulus_csv::read(file, text, hz)
     }
 }
 

@@ -65,6 +65,10 @@ fn time(file: &Path, header: &StringRecord, hz: u64) -> Result<Time, Failure> {
             file,
             "line 1: is empty; expected a header row that begins with t_s",
         )),
+        name if name.contains(';') && header.len() == 1 => {
+            let what = "line 1: cells are separated by semicolons; expected commas between them";
+            Err(failure(file, what))
+        }
         name => {
             let what = format!("line 1, column 1: `{name}`; expected `cycle` or `t_s` (seconds)");
             Err(failure(file, what))

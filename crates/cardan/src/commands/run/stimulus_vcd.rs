@@ -7,7 +7,7 @@ use std::io::Read;
 use std::path::Path;
 
 use cardan_emulator::Pin;
-use vcd::{Command, Header, IdCode, Parser, ScopeItem, Value, Var};
+use vcd::{Command, Header, IdCode, Parser, ScopeItem, Value, Var, VarType};
 
 use super::stimulus::{Input, Stimulus};
 use crate::failure::Failure;
@@ -46,6 +46,17 @@ pub(super) fn read(file: &Path, text: &[u8], hz: u64) -> Result<Stimulus, Failur
             Command::ChangeScalar(code, value) => {
                 for pin in pins(&inputs, code) {
                     stimulus.set_pin(pin, cycle, level(value));
+                }
+            }
+            // Some simulators write single bits as vectors.
+            Command::ChangeVector(code, bits) => {
+                for pin in pins(&inputs, code) {
+                    if bits.len() > 1 {
+                        let what = format!("{pin} is set to {} bits; a pin has one", bits.len());
+                        return Err(fault(what));
+                    }
+                    let bit = bits.get(0).unwrap_or(Value::X);
+                    stimulus.set_pin(pin, cycle, level(bit));
                 }
             }
             Command::ChangeReal(code, volts) => {
@@ -115,39 +126,68 @@ impl Clock {
     }
 }
 
-/// The signals whose names are those of inputs, in all scopes.
+/// The signals whose names are those of inputs, in all scopes. A signal that a dump lists once more
+/// in an inner scope (a port of a module) is the same signal.
 fn inputs(file: &Path, header: &Header) -> Result<Vec<(IdCode, Input)>, Failure> {
-    let mut found: Vec<(IdCode, Input)> = Vec::new();
-    for var in variables(&header.items) {
-        let name = &var.reference;
-        let Some(input) = Input::named(name) else {
+    let mut variables = Vec::new();
+    collect(&header.items, "", &mut variables);
+    let mut found: Vec<(IdCode, Input, String)> = Vec::new();
+    for (scope, var) in variables {
+        let Some(input) = Input::named(&var.reference) else {
             continue;
         };
-        if found.iter().any(|(_, known)| *known == input) {
-            let what = format!("two signals are called `{name}`; expected one per input");
-            return Err(failure(file, what));
+        let name = format!("{scope}{}", var.reference);
+        match found.iter().find(|(_, known, _)| *known == input) {
+            Some((code, ..)) if *code == var.code => continue,
+            Some((_, _, other)) => {
+                let what = format!(
+                    "the signals `{other}` and `{name}` name the same input; expected one: rename \
+                     the other"
+                );
+                return Err(failure(file, what));
+            }
+            None => {}
         }
-        if matches!(input, Input::Digital(_)) && var.size != 1 {
-            let what = format!("`{name}` has {} bits; a pin has one", var.size);
-            return Err(failure(file, what));
-        }
-        found.push((var.code, input));
+        check_kind(input, var).map_err(|what| failure(file, format!("`{name}` {what}")))?;
+        found.push((var.code, input, name));
     }
     if found.is_empty() {
         let what =
             "no signal is called like an input: expected adc0_V to adc7_V (real) or PB0 to PD7";
         return Err(failure(file, what));
     }
-    Ok(found)
+    let inputs = found.into_iter();
+    Ok(inputs.map(|(code, input, _)| (code, input)).collect())
 }
 
-fn variables(items: &[ScopeItem]) -> Vec<&Var> {
-    let inside = items.iter().map(|item| match item {
-        ScopeItem::Var(var) => vec![var],
-        ScopeItem::Scope(scope) => variables(&scope.items),
-        _ => Vec::new(),
-    });
-    inside.flatten().collect()
+/// A pin is one bit, a voltage is real.
+fn check_kind(input: Input, var: &Var) -> Result<(), String> {
+    let is_real = var.var_type == VarType::Real;
+    match input {
+        Input::Digital(_) if is_real => Err("is real; expected one bit for a pin".to_owned()),
+        Input::Digital(_) if var.size != 1 => Err(format!("has {} bits; a pin has one", var.size)),
+        Input::Analog(_) if !is_real => {
+            Err("has bits; expected a real variable, in volts".to_owned())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// All variables with their scopes, as `outer.inner.`.
+fn collect<'a>(items: &'a [ScopeItem], scope: &str, found: &mut Vec<(String, &'a Var)>) {
+    for item in items {
+        match item {
+            ScopeItem::Var(var) => found.push((scope.to_owned(), var)),
+            ScopeItem::Scope(inner) => {
+                collect(
+                    &inner.items,
+                    &format!("{scope}{}.", inner.identifier),
+                    found,
+                );
+            }
+            _ => {}
+        }
+    }
 }
 
 fn failure(file: &Path, what: impl Display) -> Failure {
