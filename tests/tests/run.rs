@@ -355,6 +355,39 @@ fn a_serial_program_opens_the_pseudo_terminal_and_talks_with_the_chip() {
 }
 
 #[test]
+fn stty_and_cat_use_the_pseudo_terminal_as_any_serial_line() {
+    let folder = folder();
+    let elf = compile("echo", folder.path());
+    let mut child = Command::new(cardan())
+        .args(["run", text(&elf), "--uart", "pty", "--program-exit"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let name = announced(&mut child, "serial line: ");
+    let setting = Command::new("stty")
+        .args(["-F", &name, "115200", "raw", "-echo"])
+        .status()
+        .expect("stty starts");
+    assert!(setting.success());
+    let heard = fs::File::create(folder.path().join("heard")).expect("the folder is ours");
+    let mut listener = Command::new("cat")
+        .arg(&name)
+        .stdout(heard)
+        .stderr(Stdio::null())
+        .spawn()
+        .expect("cat starts");
+    fs::write(&name, "over the line, q").expect("the terminal takes it");
+    let status = child.wait().expect("our child");
+    // The end of the run hangs up, which ends cat.
+    listener.wait().expect("our child");
+    assert_eq!(status.code(), Some(0));
+    let heard = fs::read(folder.path().join("heard")).expect("written");
+    assert_eq!(String::from_utf8_lossy(&heard), "over the line, q");
+}
+
+#[test]
 fn a_closed_reader_ends_the_run() {
     // Sends the letter U for ever: ldi r16, 8; sts UCSR0B, r16; sts UDR0, r16; rjmp .-6
     let endless = [0xE008, 0x9300, 0x00C1, 0x9300, 0x00C6, 0xCFFD];

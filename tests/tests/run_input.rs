@@ -87,7 +87,6 @@ fn values_out_of_range_are_refused_with_what_is_expected() {
     }
     refuse(&["--uart", "no/such/folder/file"], &["no/such/folder/file"]);
     refuse(&["--vcd", "no/such/folder/file"], &["no/such/folder/file"]);
-    refuse(&["--gdb", "1234"], &["--gdb"]);
 }
 
 #[test]

@@ -240,7 +240,7 @@ fn crashes_and_odd_accesses_are_told_with_function_and_source_line() {
     let folder = folder();
     let source = "#include <avr/io.h>\n\
         __attribute__((noinline)) void odd(void)\n{\n    *(volatile char *)0x2c = 1;\n}\n\
-        __attribute__((noinline)) void crash(void)\n{\n    GPIOR0 = 1;\n    asm volatile(\".word 0x0001\");\n}\n\
+        __attribute__((noinline)) void crash(void)\n{\n    *(volatile char *)0x900 = 1;\n}\n\
         int main(void)\n{\n    odd();\n    odd();\n    crash();\n    return 0;\n}\n";
     let source = write(&folder, "faulty.c", source);
     let elf = cardan_tests::program::compile_file(&source, folder.path(), &DEBUG);
@@ -253,12 +253,12 @@ fn crashes_and_odd_accesses_are_told_with_function_and_source_line() {
     let said = stderr(&output);
     assert_eq!(said.matches("in odd (faulty.c:4)").count(), 1, "{said}");
     assert!(
-        said.contains("invalid opcode 0x0001, in crash (faulty.c:9)"),
+        said.contains("beyond the end of SRAM, in crash (faulty.c:8)"),
         "{said}"
     );
     let document = json(&output);
     assert_eq!(document["crash"]["function"], "crash");
-    assert_eq!(document["crash"]["line"], 9);
+    assert_eq!(document["crash"]["line"], 8);
     assert!(
         document["reports"][0]
             .as_str()

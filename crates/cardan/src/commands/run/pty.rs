@@ -9,14 +9,17 @@ use std::os::fd::OwnedFd;
 use std::thread;
 use std::time::{Duration, Instant};
 
+use rustix::event::{PollFd, PollFlags, Timespec, poll};
 use rustix::io::Errno;
 use rustix::pty::{OpenptFlags, grantpt, ioctl_tiocgptpeer, openpt, ptsname, unlockpt};
 use rustix::termios::{OptionalActions, tcgetattr, tcsetattr};
 
 /// Bytes kept for a reader that is late.
 const BUFFER: usize = 64 * 1024;
-/// How long the end of the run waits for a reader to fetch the last bytes.
-const FAREWELL: Duration = Duration::from_secs(1);
+/// How long the end of the run waits for a reader to fetch the last bytes: one that has read
+/// before, and one that may yet come.
+const FAREWELL: Duration = Duration::from_secs(10);
+const WELCOME: Duration = Duration::from_secs(1);
 /// Between two looks while waiting.
 const PAUSE: Duration = Duration::from_millis(5);
 
@@ -27,6 +30,9 @@ pub(super) struct Terminal {
     theirs: OwnedFd,
     name: String,
     pending: VecDeque<u8>,
+    /// Somebody has read everything at least once.
+    has_reader: bool,
+    has_sent: bool,
     lost: u64,
     hz: u64,
     /// Host time at which cycle 0 lies.
@@ -51,6 +57,8 @@ impl Terminal {
             theirs,
             name,
             pending: VecDeque::new(),
+            has_reader: false,
+            has_sent: false,
             lost: 0,
             hz,
             begin: Instant::now(),
@@ -64,6 +72,8 @@ impl Terminal {
 
     /// Sends `bytes` after those that still wait.
     pub(super) fn send(&mut self, bytes: &[u8]) {
+        self.has_reader |= self.has_sent && self.is_drained();
+        self.has_sent |= !bytes.is_empty();
         self.pending.extend(bytes);
         self.push();
         let surplus = self.pending.len().saturating_sub(BUFFER);
@@ -103,7 +113,8 @@ impl Terminal {
 
     /// Gives a reader time to fetch the last bytes, and says what was lost.
     pub(super) fn close(mut self) {
-        let end = Instant::now() + FAREWELL;
+        let patience = if self.has_reader { FAREWELL } else { WELCOME };
+        let end = Instant::now() + patience;
         while !self.is_drained() && Instant::now() < end {
             thread::sleep(PAUSE);
             self.push();
@@ -117,8 +128,16 @@ impl Terminal {
         }
     }
 
+    /// Whether the reader has everything. The count of bytes alone does not know those that the
+    /// system is still carrying to the device; to poll it makes them arrive.
     fn is_drained(&self) -> bool {
-        self.pending.is_empty() && self.unfetched() == 0
+        let mut device = [PollFd::new(&self.theirs, PollFlags::IN)];
+        let at_once = Timespec {
+            tv_sec: 0,
+            tv_nsec: 0,
+        };
+        let is_readable = poll(&mut device, Some(&at_once)).is_ok_and(|ready| ready > 0);
+        self.pending.is_empty() && !is_readable && self.unfetched() == 0
     }
 
     /// Bytes that lie in the device, where its reader has not fetched them.
