@@ -71,6 +71,15 @@ impl Output {
         }
     }
 
+    /// How far long work is: one line that is overwritten, on a terminal only; empty clears it.
+    pub(crate) fn progress(self, text: &str) {
+        let mut to = io::stderr();
+        if !self.quiet && to.is_terminal() {
+            let _ = write!(to, "\r\x1b[K{text}");
+            let _ = to.flush();
+        }
+    }
+
     /// An error; standard error.
     pub(crate) fn error(self, error: &dyn std::fmt::Display) {
         self.write(&mut io::stderr(), &format!("cardan: {error}"));

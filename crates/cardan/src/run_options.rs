@@ -39,6 +39,9 @@ pub(crate) struct RunOptions {
     /// Simulated seconds (a recording may end the run earlier)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) seconds: Option<f64>,
+    /// Gives a numeric scenario parameter another value; may be repeated
+    #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
+    pub(crate) set: Vec<(String, f64)>,
     /// Seed of every random number
     #[arg(
         long,
@@ -94,6 +97,10 @@ impl RunOptions {
                 scenario.name = name.to_string_lossy().into_owned();
             }
         }
+        for (key, value) in &self.set {
+            scenario.set(key, *value).map_err(Failure::input)?;
+        }
+        scenario.check().map_err(Failure::input)?;
         let seconds = self.seconds.unwrap_or(scenario.seconds);
         if !(seconds.is_finite() && seconds > 0.0 && seconds <= MOST_SECONDS) {
             return Err(Failure::input(format!(
@@ -175,8 +182,24 @@ impl RunOptions {
         if let Some(seconds) = self.seconds {
             give("--seconds", seconds.to_string().into());
         }
+        for (key, value) in &self.set {
+            give("--set", format!("{key}={value}").into());
+        }
         arguments
     }
+}
+
+/// `KEY=VALUE` of `--set`; whether there is such a parameter shows when the scenario is read.
+fn setting(text: &str) -> Result<(String, f64), String> {
+    let expected =
+        || "expected KEY=VALUE with a finite number, for example climate.start_k=358.15".to_owned();
+    let (key, value) = text.split_once('=').ok_or_else(expected)?;
+    let value = value
+        .trim()
+        .parse()
+        .ok()
+        .filter(|value: &f64| value.is_finite());
+    Ok((key.trim().to_owned(), value.ok_or_else(expected)?))
 }
 
 fn read(file: &Path) -> Result<Vec<u8>, Failure> {

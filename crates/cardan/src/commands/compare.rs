@@ -13,6 +13,7 @@ use cardan_link::{
 use cardan_scenario::{Scenario, print_scenario};
 use clap::Args;
 
+use super::corners::{self, CornerOptions};
 use crate::failure::{Done, Failure, code};
 use crate::judge;
 use crate::output::Output;
@@ -33,6 +34,8 @@ pub(crate) struct CompareArgs {
     run: RunOptions,
     #[command(flatten)]
     extras: Extras,
+    #[command(flatten)]
+    corners: CornerOptions,
     /// Session in which the participants meet [default: one of its own]
     #[arg(long, value_name = "ID")]
     session: Option<String>,
@@ -60,6 +63,10 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
         .app
         .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
         .map_err(Failure::input)?;
+    if let Some(file) = &args.corners.corners {
+        let run = args.run.with_image_of(&setup);
+        return corners::execute(&args.corners, file, &run, &setup, output);
+    }
     if args.in_process {
         in_threads(args, &setup, session, output)
     } else {

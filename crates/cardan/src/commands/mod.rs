@@ -5,4 +5,5 @@ pub(crate) mod doctor;
 pub(crate) mod run;
 
 pub(crate) mod compare;
+mod corners;
 pub(crate) mod participants;

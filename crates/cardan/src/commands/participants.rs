@@ -58,6 +58,7 @@ impl ModelArgs {
             firmware: None,
             wordlengths: self.wordlengths.clone(),
             seconds: None,
+            set: Vec::new(),
             seed: 1,
         }
     }

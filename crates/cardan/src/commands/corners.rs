@@ -1,0 +1,191 @@
+//! `compare --corners`: the comparison over named corners and random units, several at a time: yield,
+//! worst corner, and the command that runs it again.
+
+mod report;
+
+use std::path::PathBuf;
+use std::process::{Command, Stdio};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::thread;
+
+use cardan_scenario::Scenario;
+use cardan_scenario::corners::{Corners, Variant};
+use clap::Args;
+use serde_json::Value;
+
+use self::report::{Report, Run};
+use crate::failure::{Done, Failure, code};
+use crate::output::Output;
+use crate::run_options::{RunOptions, Setup};
+use crate::verdict;
+
+/// Most random units of one run.
+const MOST_UNITS: u64 = 100_000;
+
+/// Which variants of the scenario are compared.
+#[derive(Args, Clone, Debug)]
+pub(crate) struct CornerOptions {
+    /// Compare in every corner of this file (TOML: `[[corner]]` with name and set, `[spread]` with
+    /// sigma or range per key) as well as in the scenario itself: yield and worst corner
+    #[arg(long, value_name = "FILE",
+        conflicts_with_all = ["session", "report", "dump", "print_scenario"])]
+    pub(crate) corners: Option<PathBuf>,
+    /// Random units drawn from the file's [spread], unit k with seed + k
+    #[arg(long, value_name = "N", default_value_t = 0, requires = "corners",
+        allow_negative_numbers = true,
+        value_parser = clap::value_parser!(u64).range(0..=MOST_UNITS))]
+    mc: u64,
+    /// Comparisons at a time [default: one per processor]
+    #[arg(long, value_name = "J", requires = "corners", allow_negative_numbers = true,
+        value_parser = clap::value_parser!(u64).range(1..=256))]
+    jobs: Option<u64>,
+}
+
+/// One comparison to make.
+struct Job {
+    variant: Variant,
+    /// Drawn at random, so that it counts in the yield.
+    is_unit: bool,
+    run: RunOptions,
+}
+
+/// Compares in all variants.
+pub(crate) fn execute(
+    options: &CornerOptions,
+    file: &std::path::Path,
+    run: &RunOptions,
+    setup: &Setup,
+    output: Output,
+) -> Done {
+    let corners = Corners::load(file, &setup.scenario).map_err(Failure::input)?;
+    let jobs = jobs(options, &corners, run, setup)?;
+    let threads = options.jobs.map_or_else(
+        || thread::available_parallelism().map_or(1, usize::from),
+        |jobs| jobs as usize,
+    );
+    let runs = compare_all(&jobs, threads.min(jobs.len()), output)?;
+    let report = Report::new(setup, file, run.seed, runs);
+    if output.is_json() {
+        output.document(&report);
+    }
+    output.result(&report.to_string());
+    Ok(report.exit_code())
+}
+
+/// The scenario itself, the named corners, the random units. Named corners in which the design
+/// cannot work are bad input; such units are units that fail.
+fn jobs(
+    options: &CornerOptions,
+    corners: &Corners,
+    run: &RunOptions,
+    setup: &Setup,
+) -> Result<Vec<Job>, Failure> {
+    let nominal = Variant {
+        name: "nominal".to_owned(),
+        set: Vec::new(),
+    };
+    let mut jobs = Vec::new();
+    for variant in std::iter::once(nominal).chain(corners.named()) {
+        check(&variant, setup)?;
+        jobs.push(job(variant, false, run, run.seed));
+    }
+    for index in 0..options.mc {
+        let unit = corners
+            .unit(&setup.scenario, run.seed, index)
+            .map_err(Failure::input)?;
+        let seed = run.seed.wrapping_add(index + 1);
+        jobs.push(job(unit, true, run, seed));
+    }
+    Ok(jobs)
+}
+
+fn check(variant: &Variant, setup: &Setup) -> Result<(), Failure> {
+    let in_corner = |error: &dyn std::fmt::Display| {
+        Failure::input(format!("corner `{}`: {error}", variant.name))
+    };
+    let scenario: Scenario = variant
+        .apply(&setup.scenario)
+        .map_err(|error| in_corner(&error))?;
+    setup
+        .app
+        .emulated(&scenario, setup.seed, setup.seconds, &setup.firmware)
+        .map(|_| ())
+        .map_err(|error| in_corner(&error))
+}
+
+fn job(variant: Variant, is_unit: bool, run: &RunOptions, seed: u64) -> Job {
+    let mut run = RunOptions {
+        seed,
+        ..run.clone()
+    };
+    run.set.extend(variant.set.iter().cloned());
+    Job {
+        variant,
+        is_unit,
+        run,
+    }
+}
+
+/// Makes the comparisons, `threads` at a time, each in a process of its own; results in the order
+/// of the jobs.
+fn compare_all(jobs: &[Job], threads: usize, output: Output) -> Result<Vec<Run>, Failure> {
+    let program = std::env::current_exe()
+        .map_err(|error| Failure::participant(format!("this program cannot be found: {error}")))?;
+    let next = AtomicUsize::new(0);
+    let done = AtomicUsize::new(0);
+    let results: Vec<Mutex<Option<Result<Run, Failure>>>> =
+        jobs.iter().map(|_| Mutex::new(None)).collect();
+    thread::scope(|scope| {
+        for _ in 0..threads {
+            scope.spawn(|| {
+                while let Some(job) = jobs.get(next.fetch_add(1, Ordering::Relaxed)) {
+                    let result = compare(&program, job);
+                    if result.is_err() {
+                        // What is wrong with one comparison is wrong with all.
+                        next.store(jobs.len(), Ordering::Relaxed);
+                    }
+                    let at = jobs.iter().position(|other| std::ptr::eq(other, job));
+                    if let Some(Ok(mut slot)) = at.map(|at| results[at].lock()) {
+                        *slot = Some(result);
+                    }
+                    let count = done.fetch_add(1, Ordering::Relaxed) + 1;
+                    output.progress(&format!("{count} of {} comparisons", jobs.len()));
+                }
+            });
+        }
+    });
+    output.progress("");
+    let finished = results
+        .into_iter()
+        .filter_map(|slot| slot.into_inner().ok().flatten());
+    finished.collect()
+}
+
+/// One comparison as a child process. A verdict, pass or fail, is a result; so is a crash of the
+/// emulated program, and a unit in which the design cannot work.
+fn compare(program: &std::path::Path, job: &Job) -> Result<Run, Failure> {
+    let name = &job.variant.name;
+    let child = Command::new(program)
+        .args(["compare", "--in-process", "--json", "--quiet"])
+        .args(job.run.arguments())
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|error| Failure::participant(format!("`{name}` cannot be started: {error}")))?;
+    let said = String::from_utf8_lossy(&child.stderr).trim().to_owned();
+    let status = child.status.code().and_then(|code| u8::try_from(code).ok());
+    let command = verdict::command_line(&job.run);
+    match status {
+        Some(code::PASS | code::FAIL | code::CRASH) => {
+            let document: Value = serde_json::from_slice(&child.stdout).map_err(|error| {
+                Failure::participant(format!("`{name}` gave no result: {error}; {said}"))
+            })?;
+            Ok(Run::new(job, command, &document))
+        }
+        Some(code::INPUT) if job.is_unit => Ok(Run::refused(job, command, said)),
+        _ => Err(Failure::participant(format!(
+            "`{name}` ended with {}: {said}\nrun again: {command}",
+            child.status
+        ))),
+    }
+}
