@@ -7,6 +7,7 @@
 #![no_main]
 #![feature(asm_experimental_arch)]
 
+mod kernels;
 #[path = "../../../tests/target/mod.rs"]
 mod target;
 
@@ -21,7 +22,7 @@ const FAILED: u8 = 101;
 /// A test: returns whether all is well.
 type Test = fn() -> bool;
 
-const TESTS: [(&str, Test); 10] = [
+const TESTS: [(&str, Test); 11] = [
     ("the_checksum_is_the_published_one", checksum),
     ("a_frame_has_the_bytes_of_its_layout", frame),
     ("a_text_line_gives_hundredths_of_degrees", text),
@@ -31,6 +32,7 @@ const TESTS: [(&str, Test); 10] = [
     ("quotients_equal_the_hosts", || target::quotients() == EXPECTED.quotients),
     ("square_roots_equal_the_hosts", || target::roots() == EXPECTED.roots),
     ("sums_shifts_and_limits_equal_the_hosts", || target::sums() == EXPECTED.sums),
+    ("kernels_equal_their_definition", kernels::equal_their_definition),
     ("solutions_of_recorded_codes_equal_the_hosts", solutions),
 ];
 
