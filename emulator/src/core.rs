@@ -61,8 +61,6 @@ pub struct Layout {
     pub instructions: usize,
     /// `u16`.
     pub lowest_sp: usize,
-    /// `bool`: LPM is the machine's.
-    pub lpm_in_machine: usize,
 }
 
 /// Processor state. `data[0..32]` are the general registers, SRAM lies at `ram_start`.
@@ -258,7 +256,6 @@ impl Core {
         next_event: offset_of!(Core, next_event),
         instructions: offset_of!(Core, instructions),
         lowest_sp: offset_of!(Core, lowest_sp),
-        lpm_in_machine: offset_of!(Core, lpm_in_machine),
     };
 
     /// The predecoded instruction at a word address, never a pair.
@@ -292,6 +289,16 @@ impl Core {
     /// Data space of 64 KiB, of which general registers (from 0) and SRAM are kept here.
     pub fn data_mut(&mut self) -> &mut [u8; 0x1_0000] {
         &mut self.data
+    }
+
+    /// Whether LPM needs the machine at present (it may read fuses or the signature).
+    pub fn leaves_lpm(&self) -> bool {
+        self.lpm_in_machine
+    }
+
+    /// Whether the next event is due.
+    pub fn is_due(&self) -> bool {
+        self.cycle >= self.next_event
     }
 
     /// First data address of the SRAM and its size in bytes.
