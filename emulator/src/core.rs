@@ -61,6 +61,8 @@ pub struct Layout {
     pub instructions: usize,
     /// `u16`.
     pub lowest_sp: usize,
+    /// `bool`: LPM is the machine's at present.
+    pub lpm_in_machine: usize,
 }
 
 /// Processor state. `data[0..32]` are the general registers, SRAM lies at `ram_start`.
@@ -256,6 +258,7 @@ impl Core {
         next_event: offset_of!(Core, next_event),
         instructions: offset_of!(Core, instructions),
         lowest_sp: offset_of!(Core, lowest_sp),
+        lpm_in_machine: offset_of!(Core, lpm_in_machine),
     };
 
     /// The predecoded instruction at a word address, never a pair.
@@ -291,9 +294,9 @@ impl Core {
         &mut self.data
     }
 
-    /// Whether LPM needs the machine at present (it may read fuses or the signature).
-    pub fn leaves_lpm(&self) -> bool {
-        self.lpm_in_machine
+    /// Whether a debugger has set traps, which only the interpreter springs.
+    pub fn has_traps(&self) -> bool {
+        self.window_bytes != self.ram_bytes || !self.breakpoints.is_empty()
     }
 
     /// Whether the next event is due.

@@ -6,6 +6,8 @@
     reason = "each test program uses its part of the helpers"
 )]
 
+pub mod random;
+
 use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::OnceLock;

@@ -255,7 +255,7 @@ impl Engine for Translator {
         if self.flash_stamp != Some(core.flash_stamp()) {
             self.follow(core);
         }
-        if core.leaves_lpm() {
+        if core.has_traps() {
             return core.run();
         }
         loop {

@@ -155,7 +155,7 @@ pub(crate) fn reads_flags(op: Op, is_checked: bool) -> u64 {
 }
 
 /// Whether an operation may leave the translated code because an address or the stack pointer
-/// lies outside SRAM, or because it sets I.
+/// lies outside SRAM, because it sets I, or because LPM may read the signature.
 pub(crate) fn is_checked(op: Op) -> bool {
     matches!(
         op.code,
@@ -172,5 +172,7 @@ pub(crate) fn is_checked(op: Op) -> bool {
             | Code::Ijmp
             | Code::Ret
             | Code::OutSreg
+            | Code::Lpm
+            | Code::LpmInc
     )
 }

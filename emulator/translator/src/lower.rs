@@ -13,7 +13,7 @@ use cranelift_frontend::FunctionBuilder;
 
 use crate::facts::{self, bit};
 use crate::region::{Flow, Instruction, Region, Target};
-use crate::state::{Byte, Carry, Emit, Half, Signs, State, Variables, Zero};
+use crate::state::{Byte, Carry, Emit, Half, Signs, Stack, State, Variables, Zero};
 
 /// Why translated code returned.
 pub(crate) mod left {
@@ -616,8 +616,7 @@ impl Lower<'_, '_> {
         let value = self.emit.constant(i64::from(word));
         let ins = self.emit.builder.ins();
         ins.istore16(BYTES, value, address, (state.stack.delta - 1) as i32);
-        state.stack.delta -= 2;
-        state.stack.lowest = state.stack.lowest.min(state.stack.delta);
+        state.stack.push(2);
     }
 
     /// Any instruction that goes on to the next one.
@@ -631,8 +630,7 @@ impl Lower<'_, '_> {
                 let value = self.emit.register(state, op.d);
                 let ins = self.emit.builder.ins();
                 ins.istore8(BYTES, value, address, state.stack.delta as i32);
-                state.stack.delta -= 1;
-                state.stack.lowest = state.stack.lowest.min(state.stack.delta);
+                state.stack.push(1);
             }
             Code::Pop => {
                 let address = self.stack_address(state, pc);
@@ -654,6 +652,9 @@ impl Lower<'_, '_> {
             Code::Ldd | Code::LdInc | Code::LdDec => self.lower_load(state, instruction),
             Code::Std | Code::StInc | Code::StDec => self.lower_store(state, instruction),
             Code::Lpm | Code::LpmInc => {
+                let is_special = self.load(I8, Core::LAYOUT.lpm_in_machine);
+                let is_plain = self.emit.is(IntCC::Equal, is_special, 0);
+                self.stay_if(is_plain, state, pc);
                 let z = self.emit.pair(state, 30);
                 let index = self.emit.mask(z, self.pc_mask * 2 + 1);
                 let address = self.emit.add(self.flash, index);
@@ -745,9 +746,9 @@ impl Lower<'_, '_> {
         if op.code == Code::OutSpl {
             state.lowest_sp = Some(self.emit.builder.ins().umin(lowest, sp));
         }
-        state.stack.base = Some(sp);
-        state.stack.delta = 0;
-        state.stack.lowest = 0;
-        state.stack.known = None;
+        state.stack = Stack {
+            base: Some(sp),
+            ..Stack::default()
+        };
     }
 }

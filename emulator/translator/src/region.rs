@@ -164,6 +164,8 @@ struct Explorer<'a> {
     /// Context 0 is that of the entry: whoever called it.
     contexts: Vec<Context>,
     known: HashMap<(u16, usize), usize>,
+    /// Places of instructions that were left to the machine.
+    machine: Vec<u16>,
 }
 
 impl Explorer<'_> {
@@ -179,6 +181,22 @@ impl Explorer<'_> {
         Some(())
     }
 
+    fn needs_machine(&mut self, pc: u16) -> bool {
+        let needs = needs_machine(self.core, self.core.op_at(pc));
+        if needs {
+            self.machine.push(pc);
+        }
+        needs
+    }
+
+    /// A jump target that is not followed.
+    fn outside(&mut self, pc: u16) -> Target {
+        if self.needs_machine(pc) {
+            return Target::Machine(pc);
+        }
+        Target::Outside(pc)
+    }
+
     fn target(&mut self, pc: u16, context: usize) -> Target {
         if pc > self.core.pc_mask() {
             return Target::Interpreter(pc);
@@ -186,10 +204,10 @@ impl Explorer<'_> {
         if let Some(&i) = self.found.get(&(pc, context)) {
             return Target::Inside(i);
         }
-        let op = self.core.op_at(pc);
-        if needs_machine(self.core, op) {
+        if self.needs_machine(pc) {
             return Target::Machine(pc);
         }
+        let op = self.core.op_at(pc);
         let is_elsewhere = context == 0 && self.engine.is_covered(pc);
         if self.instructions.len() >= MAX_INSTRUCTIONS || is_elsewhere {
             return Target::Outside(pc);
@@ -203,10 +221,7 @@ impl Explorer<'_> {
 
     fn jump_target(&mut self, pc: u16, context: usize) -> Target {
         if self.engine.is_cold(pc) && !self.found.contains_key(&(pc, context)) {
-            return match self.core.op_at(pc) {
-                op if needs_machine(self.core, op) => Target::Machine(pc),
-                _ => Target::Outside(pc),
-            };
+            return self.outside(pc);
         }
         self.target(pc, context)
     }
@@ -241,10 +256,7 @@ impl Explorer<'_> {
             if around == 0 {
                 self.add_entry(return_pc);
             }
-            return match self.core.op_at(to) {
-                op if needs_machine(self.core, op) => Target::Machine(to),
-                _ => Target::Outside(to),
-            };
+            return self.outside(to);
         }
         let next = self.contexts.len();
         let context = *self.known.entry((return_pc, around)).or_insert(next);
@@ -344,6 +356,7 @@ pub(crate) fn explore(core: &Core, entry: u16, engine: &dyn Places) -> Option<Re
             depth: 0,
         }],
         known: HashMap::new(),
+        machine: Vec::new(),
     };
     explorer.start(entry)?;
     while explorer.flows.len() < explorer.instructions.len() {
@@ -355,6 +368,7 @@ pub(crate) fn explore(core: &Core, entry: u16, engine: &dyn Places) -> Option<Re
         places,
         flows,
         entries,
+        machine,
         ..
     } = explorer;
     let mut blocks = blocks(&instructions, &flows, &entries);
@@ -371,17 +385,18 @@ pub(crate) fn explore(core: &Core, entry: u16, engine: &dyn Places) -> Option<Re
         blocks,
         entries: entries.len(),
         covers: own.map(|(instruction, _)| instruction.pc).collect(),
-        source: source(core, &instructions),
+        source: source(core, &instructions, &machine),
     })
 }
 
 /// The words that decided what the region is: each instruction with the two words behind it (its
 /// own second word, or the length of what it skips).
-fn source(core: &Core, instructions: &[Instruction]) -> Vec<(u16, u16)> {
+fn source(core: &Core, instructions: &[Instruction], machine: &[u16]) -> Vec<(u16, u16)> {
     let mask = core.pc_mask();
-    let mut words: Vec<(u16, u16)> = instructions
-        .iter()
-        .flat_map(|instruction| (0..3).map(move |i| instruction.pc.wrapping_add(i) & mask))
+    let inside = instructions.iter().map(|instruction| instruction.pc);
+    let mut words: Vec<(u16, u16)> = inside
+        .chain(machine.iter().copied())
+        .flat_map(|pc| (0..3).map(move |i| pc.wrapping_add(i) & mask))
         .map(|pc| (pc, core.flash()[usize::from(pc)]))
         .collect();
     words.sort_unstable();

@@ -111,14 +111,23 @@ pub(crate) enum Half {
 }
 
 /// The stack pointer as base + delta; SRAM has been checked for all it points to.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(crate) struct Stack {
     pub(crate) base: Option<Value>,
     pub(crate) delta: i64,
-    /// Lowest delta since `lowest_sp` was brought up to date.
-    pub(crate) lowest: i64,
+    /// Lowest delta after a push, since `lowest_sp` was brought up to date.
+    pub(crate) lowest: Option<i64>,
     /// Deltas of addresses that are known to lie in SRAM: from, to.
     pub(crate) known: Option<(i64, i64)>,
+}
+
+impl Stack {
+    /// Moves the stack pointer for a push.
+    pub(crate) fn push(&mut self, bytes: i64) {
+        self.delta -= bytes;
+        let lowest = self.lowest.unwrap_or(self.delta);
+        self.lowest = Some(lowest.min(self.delta));
+    }
 }
 
 /// State within a block.
@@ -155,12 +164,7 @@ impl State {
             signs: Signs::Old,
             half: Half::Old,
             enables: None,
-            stack: Stack {
-                base: None,
-                delta: 0,
-                lowest: 0,
-                known: None,
-            },
+            stack: Stack::default(),
             lowest_sp: None,
             cycles: 0,
             instructions: 0,
@@ -468,11 +472,11 @@ impl Emit<'_, '_> {
             Some(value) => value,
             None => self.old(self.vars.lowest_sp),
         };
-        if state.stack.lowest == 0 {
+        let Some(delta) = state.stack.lowest else {
             return seen;
-        }
+        };
         let base = self.sp_base(state);
-        let low = self.add_imm(base, state.stack.lowest);
+        let low = self.add_imm(base, delta);
         let lowest = self.builder.ins().umin(seen, low);
         state.lowest_sp = Some(lowest);
         lowest
