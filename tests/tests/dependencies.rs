@@ -77,6 +77,7 @@ fn the_firmware_uses_only_units_spec_and_datapath() {
 #[test]
 fn the_emulator_knows_nothing_of_the_product() {
     reaches_only("cardan-emulator", &[]);
+    reaches_only("cardan-translator", &["cardan-emulator"]);
 }
 
 #[test]

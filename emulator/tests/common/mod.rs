@@ -78,6 +78,25 @@ pub fn compile(name: &str, extension: &str, source: &str, options: &[&str]) -> P
     elf
 }
 
+/// Compiles a file in C for the ATmega328P.
+pub fn compile_file(file: &Path) -> PathBuf {
+    let name = file.file_stem().expect("a file in C");
+    let elf = scratch().join(name).with_extension("elf");
+    tool(
+        "avr-gcc",
+        &[
+            "-mmcu=atmega328p",
+            "-DF_CPU=16000000UL",
+            "-Os",
+            "-std=gnu99",
+            "-o",
+            text(&elf),
+            text(file),
+        ],
+    );
+    elf
+}
+
 /// A machine at 16 MHz with the assembled program. `source` is the code from address 0, with
 /// names of I/O registers as data addresses (so: lds/sts, or in/out with `_SFR_IO_ADDR`).
 pub fn assembled(name: &str, source: &str) -> Machine {

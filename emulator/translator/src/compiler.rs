@@ -24,16 +24,7 @@ impl Compiler {
     pub(crate) fn new() -> Option<Compiler> {
         let mut flags = settings::builder();
         for (name, value) in [
-            (
-                "opt_level",
-                std::env::var("JIT_OPT").unwrap_or("speed".into()).leak() as &str,
-            ),
-            (
-                "regalloc_algorithm",
-                std::env::var("JIT_RA")
-                    .unwrap_or("backtracking".into())
-                    .leak() as &str,
-            ),
+            ("opt_level", "speed"),
             ("enable_probestack", "false"),
             ("unwind_info", "false"),
             (

@@ -1,12 +1,13 @@
 //! The engine: interprets, counts where the program jumps to, translates what is hot, and runs
 //! what is translated.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use cardan_emulator::engine::{Arrivals, Core, Engine, Exit};
 
 use crate::code::HostCode;
 use crate::compiler::Compiler;
+use crate::limits::{Limits, Work};
 use crate::lower::left;
 use crate::region::{Places, explore};
 
@@ -19,39 +20,6 @@ const REFUSED: u32 = u32::MAX;
 const COVERED_SHIFT: u32 = 5;
 /// Regions that may cover a place beside the one that begins there.
 const MAX_COVERS: u8 = 2;
-
-/// When and how much to translate.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Limits {
-    /// Arrivals at a place after which it is translated. With 0 everything is, at first sight.
-    pub threshold: u32,
-    /// Most bytes of host code; what comes later is interpreted.
-    pub code_bytes: usize,
-}
-
-impl Default for Limits {
-    fn default() -> Limits {
-        Limits {
-            threshold: 2000,
-            code_bytes: 16 << 20,
-        }
-    }
-}
-
-/// What the translator has done so far. Costs host time, so none of it belongs into results.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Work {
-    /// Regions translated.
-    pub regions: usize,
-    /// Host code kept at present, in bytes.
-    pub code_bytes: usize,
-    /// Time spent on translating.
-    pub time: Duration,
-    /// Entries into translated code.
-    pub entries: u64,
-    /// Times that the interpreter had to go on.
-    pub interpreted: u64,
-}
 
 /// A region's host code and the program memory that it was made from.
 struct Translated {
@@ -213,18 +181,6 @@ impl Translator {
         let region = explore(core, pc, self)?;
         let code = self.compiler.compile(&region, core)?;
         let entries = region.blocks[..region.entries].iter();
-        if std::env::var_os("JIT_DEBUG").is_some() {
-            let n: usize = region.blocks.iter().map(|b| b.instructions.len()).sum();
-            eprintln!(
-                "{:#x}: {} blocks {} entries {} instrs {} checkpoints {} bytes",
-                pc * 2,
-                region.blocks.len(),
-                region.entries,
-                n,
-                region.blocks.iter().filter(|b| b.is_checkpoint).count(),
-                code.bytes()
-            );
-        }
         Some(Translated {
             entries: entries.map(|block| block.instructions[0].pc).collect(),
             covers: region.covers,

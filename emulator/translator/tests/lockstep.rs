@@ -186,10 +186,11 @@ fn random_programs_leave_the_same_state_on_both_engines() {
 fn programs_from_the_bench_leave_the_same_state_on_both_engines() {
     for name in ["sieve", "cordic", "interrupts", "sleeper"] {
         let file = Path::new(env!("CARGO_MANIFEST_DIR"))
-            .join("../benches/programs")
+            .join("benches/programs")
             .join(format!("{name}.c"));
-        let source = std::fs::read_to_string(&file).expect("the bench has its programs");
-        agrees(&common::compiled(name, &source), 600_000);
+        let elf = common::compile_file(&file);
+        let image = Image::read(&elf, &ATMEGA328P).expect("avr-gcc writes a good ELF file");
+        agrees(&machine_with(&image), 600_000);
     }
 }
 
@@ -397,7 +398,7 @@ fn one_translator_serves_machines_with_different_programs_in_turn() {
 
 #[test]
 fn a_translator_without_room_for_code_interprets() {
-    let source = include_str!("../../benches/programs/sieve.c");
+    let source = include_str!("../../tests/programs/library.c");
     let machine = common::compiled("no_room", source);
     let limits = Limits {
         threshold: 2,

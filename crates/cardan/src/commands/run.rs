@@ -1,6 +1,7 @@
 //! `run`: executes any AVR program in the emulator, as a peer's simulator would.
 
 mod desk;
+mod engine;
 mod gdb;
 mod profile;
 mod profile_files;
@@ -24,6 +25,7 @@ use cardan_emulator::{Device, Machine, Observers, Profile, Stop, Supply, Watch};
 use clap::Args;
 
 use self::desk::Desk;
+use self::engine::{Chosen, EngineName};
 use self::profile_files::Folder;
 use self::program::Program;
 use self::serial::{Choice, Line};
@@ -104,6 +106,13 @@ pub(crate) struct Arguments {
     /// `listing.txt` (every instruction with its count and cycles).
     #[arg(long, value_name = "DIR", conflicts_with = "gdb")]
     profile_out: Option<PathBuf>,
+    /// What executes the instructions: the interpreter (`interp`) or the translator to host code
+    /// (`jit`). Results are the same, bit for bit and cycle for cycle. Without the option the
+    /// translator is taken where there is one for this host; it translates only what is hot. Where
+    /// a debugger has set traps, or each instruction is looked at (`--profile`, `--vcd-signal`), the
+    /// interpreter executes either way.
+    #[arg(long, value_name = "NAME")]
+    engine: Option<EngineName>,
     /// Exits with the program's own code, register r24 (the low byte of what `main` returned),
     /// when it ends by itself; with 3 when the cycle limit comes first.
     #[arg(long)]
@@ -133,6 +142,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         profile: profile.as_mut(),
         watch: watch.as_mut(),
     };
+    let mut engine = Chosen::new(arguments.engine, !observers.are_none())?;
     let limit = arguments.cycles.unwrap_or(u64::MAX);
     let mut early_stop = None;
     let mut is_lost = false;
@@ -143,7 +153,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     }
     let stop = match early_stop {
         Some(stop) => stop,
-        None => run(&mut machine, &mut desk, &mut line, limit, observers)?,
+        None => run(&mut machine, &mut engine, &mut desk, &mut line, limit, observers)?,
     };
     let host_seconds = begin.elapsed().as_secs_f64();
     line.close(&mut desk)?;
@@ -157,7 +167,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if let (Some(folder), Some(report), Some(document)) = (&folder, &profile, &document) {
         folder.write(document, report, &machine, program.symbols())?;
     }
-    let summary = Summary::new(&machine, &stop, host_seconds, &program, document);
+    let summary = Summary::new(&machine, engine.name(), &stop, host_seconds, &program, document);
     if output.is_json() {
         output.document(&summary);
     }
@@ -233,6 +243,7 @@ fn connections(arguments: &Arguments) -> Result<Stimulus, Failure> {
 /// Runs in slices, between which bytes go to and come from the host.
 fn run(
     machine: &mut Machine,
+    engine: &mut Chosen,
     desk: &mut Desk,
     line: &mut Line,
     limit: u64,
@@ -241,7 +252,7 @@ fn run(
     loop {
         let until = slice_end(machine, limit);
         let stop = if observers.are_none() {
-            machine.run(desk, until)
+            engine.run(machine, desk, until)
         } else {
             machine.run_observed(desk, until, &mut observers)
         };

@@ -23,6 +23,8 @@ pub(super) struct Summary {
     uart0_bytes: u64,
     host_seconds: f64,
     mcycles_per_second: Option<f64>,
+    /// What executed the instructions: `interp` or `jit`.
+    engine: &'static str,
     /// Cycles spent asleep.
     sleeping_cycles: u64,
     /// Bytes of the stack at its deepest.
@@ -51,6 +53,7 @@ impl Summary {
     /// The state of `machine` after `stop`.
     pub(super) fn new(
         machine: &Machine,
+        engine: &'static str,
         stop: &Stop,
         host_seconds: f64,
         program: &Program,
@@ -70,6 +73,7 @@ impl Summary {
             uart0_bytes: statistics.uart_bytes,
             host_seconds,
             mcycles_per_second: rate.is_finite().then_some(rate),
+            engine,
             sleeping_cycles: statistics.sleeping_cycles,
             stack_peak: machine
                 .device()

@@ -1,5 +1,5 @@
 /* Pure computation: CORDIC rotations in 32 bit and products in 64 bit. */
-#include <stdint.h>
+#include "rounds.h"
 
 volatile int32_t result;
 volatile uint64_t product;
@@ -11,7 +11,8 @@ static const int32_t angles[16] = {
 int main(void)
 {
 	uint64_t p = 88172645463325252ULL;
-	for (int32_t start = 0;; start += 12345) {
+	int32_t start = 0;
+	EACH_ROUND {
 		int32_t x = 0x26DD3B6A, y = 0, z = start & 0x1FFFFFFF;
 		for (uint8_t i = 0; i < 16; i++) {
 			int32_t dx = x >> i, dy = y >> i;
@@ -21,5 +22,7 @@ int main(void)
 		p = p * 6364136223846793005ULL + (uint32_t)x;
 		result = y;
 		product = p;
+		start += 12345;
 	}
+	END();
 }

@@ -1,5 +1,5 @@
 /* Pure computation: sieve of Eratosthenes and a linear congruential generator. */
-#include <stdint.h>
+#include "rounds.h"
 
 volatile uint32_t result;
 static uint8_t composite[1024];
@@ -7,7 +7,7 @@ static uint8_t composite[1024];
 int main(void)
 {
 	uint32_t lcg = 1, sum = 0;
-	for (;;) {
+	EACH_ROUND {
 		for (uint16_t i = 0; i < 1024; i++)
 			composite[i] = 0;
 		for (uint16_t i = 2; i < 1024; i++) {
@@ -23,4 +23,5 @@ int main(void)
 		}
 		result = sum;
 	}
+	END();
 }
