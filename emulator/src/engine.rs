@@ -14,7 +14,7 @@ pub enum Exit {
     Event,
     /// The instruction at the program counter needs the machine.
     Machine,
-    /// [`Arrivals::stops_at`] said so.
+    /// [`Arrivals`] said so.
     Arrival,
 }
 
@@ -43,6 +43,10 @@ pub trait Arrivals {
 
     /// Whether the interpreter is to return, having jumped to this word address.
     fn stops_at(&mut self, pc: u16) -> bool;
+
+    /// Whether it is to return before the instruction at this word address, however it came there,
+    /// unless that is the first.
+    fn is_known(&self, pc: u16) -> bool;
 }
 
 /// Nobody watches.
@@ -53,6 +57,11 @@ impl Arrivals for Unwatched {
 
     #[inline(always)]
     fn stops_at(&mut self, _: u16) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn is_known(&self, _: u16) -> bool {
         false
     }
 }

@@ -15,8 +15,8 @@ impl Core {
         self.run_observed(&mut Unwatched, &mut Nobody)
     }
 
-    /// The same, and asks `arrivals` after each jump, branch taken, call and return whether to
-    /// return there.
+    /// The same, and asks `arrivals` after each jump, branch taken, call and return, and at each
+    /// instruction, whether to return there.
     pub fn run_watched<A: Arrivals>(&mut self, arrivals: &mut A) -> Exit {
         self.run_observed(arrivals, &mut Nobody)
     }
@@ -237,6 +237,9 @@ impl Core {
         let exit = loop {
             if left <= 0 {
                 break Exit::Event;
+            }
+            if A::IS_WATCHING && arrivals.is_known(pc) && instructions != self.instructions {
+                break Exit::Arrival;
             }
             let op = ops[pc as usize];
             show!(op);

@@ -22,7 +22,9 @@ fn document(arguments: &[&str]) -> (Value, Vec<u8>) {
         document[name] = Value::Null;
     }
     // The serial bytes, without the last line, which tells the speed.
-    let serial = text.rsplit_once("atmega328p: stopped").map_or("", |(serial, _)| serial);
+    let serial = text
+        .rsplit_once("atmega328p: stopped")
+        .map_or("", |(serial, _)| serial);
     (document, serial.as_bytes().to_vec())
 }
 

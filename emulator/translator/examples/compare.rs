@@ -25,15 +25,6 @@ fn main() -> Result<(), Box<dyn Error>> {
     let image = Image::read(Path::new(&file), &ATMEGA328P)?;
     let mut translator =
         Translator::with_limits(limits).ok_or("no code generator for this host")?;
-    if std::env::var_os("ONLY").is_some_and(|v| v == "i") {
-        run(&image, cycles, &mut Interpreter, "interpreter");
-        return Ok(());
-    }
-    if std::env::var_os("ONLY").is_some_and(|v| v == "t") {
-        run(&image, cycles, &mut translator, "translator");
-        println!("{:?}", translator.work());
-        return Ok(());
-    }
     let interpreted = run(&image, cycles, &mut Interpreter, "interpreter");
     let translated = run(&image, cycles, &mut translator, "translator");
     println!("{:?}", translator.work());

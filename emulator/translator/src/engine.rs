@@ -16,8 +16,8 @@ const PLACES: usize = 0x1_0000;
 /// Arrivals left at a place that has host code, and at one that cannot have any.
 const TRANSLATED: u32 = 0;
 const REFUSED: u32 = u32::MAX;
-/// How much hotter, as a power of two, a place must be that other code covers already.
-const COVERED_SHIFT: u32 = 5;
+/// How much hotter a place must be that other code covers already.
+const COVERED_FACTOR: u32 = 32;
 /// Regions that may cover a place beside the one that begins there.
 const MAX_COVERS: u8 = 2;
 
@@ -46,6 +46,11 @@ impl Arrivals for Heat {
             _ => *left -= 1,
         }
         *left == TRANSLATED
+    }
+
+    #[inline(always)]
+    fn is_known(&self, pc: u16) -> bool {
+        self.left[usize::from(pc)] == TRANSLATED
     }
 }
 
@@ -87,7 +92,8 @@ impl Translator {
     }
 
     /// A translator with other limits.
-    pub fn with_limits(limits: Limits) -> Option<Translator> {
+    pub fn with_limits(mut limits: Limits) -> Option<Translator> {
+        limits.threshold = limits.threshold.min(REFUSED - 1);
         Some(Translator {
             compiler: Compiler::new()?,
             heat: Heat {
@@ -128,6 +134,11 @@ impl Translator {
         }
     }
 
+    fn covered_threshold(&self) -> u32 {
+        let threshold = self.limits.threshold.saturating_mul(COVERED_FACTOR);
+        threshold.min(REFUSED - 1)
+    }
+
     /// Makes the code of a region known to its places.
     fn enter(&mut self, index: usize) {
         let translated = &self.translated[index];
@@ -136,7 +147,7 @@ impl Translator {
             let pc = usize::from(pc);
             self.covers[pc] = self.covers[pc].saturating_add(1);
             if self.heat.left[pc] != TRANSLATED {
-                self.heat.left[pc] = self.limits.threshold << COVERED_SHIFT;
+                self.heat.left[pc] = self.covered_threshold();
             }
         }
         for (number, &pc) in translated.entries.iter().enumerate() {
@@ -180,7 +191,7 @@ impl Translator {
         }
         let region = explore(core, pc, self)?;
         let code = self.compiler.compile(&region, core)?;
-        let entries = region.blocks[..region.entries].iter();
+        let entries = region.entries.iter().map(|&block| &region.blocks[block]);
         Some(Translated {
             entries: entries.map(|block| block.instructions[0].pc).collect(),
             covers: region.covers,
@@ -220,6 +231,8 @@ impl Engine for Translator {
                 match self.translated[index].code.run(core, entry) {
                     left::REGION => continue,
                     left::MACHINE if !core.is_due() => return Exit::Machine,
+                    // The few cycles that are left.
+                    left::BUDGET | left::MACHINE => return core.run(),
                     _ => {}
                 }
             }

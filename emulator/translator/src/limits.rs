@@ -14,7 +14,7 @@ pub struct Limits {
 impl Default for Limits {
     fn default() -> Limits {
         Limits {
-            threshold: 2000,
+            threshold: 8000,
             code_bytes: 16 << 20,
         }
     }

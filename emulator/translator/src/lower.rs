@@ -23,6 +23,8 @@ pub(crate) mod left {
     pub(crate) const INTERPRETER: u32 = 1;
     /// The instruction is the machine's.
     pub(crate) const MACHINE: u32 = 2;
+    /// The cycles left do not reach to the next checkpoint.
+    pub(crate) const BUDGET: u32 = 3;
 }
 
 /// Program counter on leaving.
@@ -145,7 +147,10 @@ impl Lower<'_, '_> {
         }
         let refuse = self.emit.builder.create_block();
         self.emit.builder.set_cold_block(refuse);
-        let heads: Vec<ir::Block> = (0..self.region.entries)
+        let heads: Vec<ir::Block> = self
+            .region
+            .entries
+            .iter()
             .map(|_| self.emit.builder.create_block())
             .collect();
         if heads.len() == 1 {
@@ -153,7 +158,7 @@ impl Lower<'_, '_> {
         } else {
             self.choose_entry(&heads, refuse);
         }
-        for (i, &head) in heads.iter().enumerate() {
+        for (&i, &head) in self.region.entries.iter().zip(&heads) {
             self.emit.builder.switch_to_block(head);
             let reach = self.region.blocks[i].reach;
             let enough = self.emit.is(IntCC::SignedGreaterThan, left, reach);
@@ -161,7 +166,7 @@ impl Lower<'_, '_> {
             ins.brif(enough, self.blocks[i], &[], refuse, &[]);
         }
         self.emit.builder.switch_to_block(refuse);
-        let why = i64::from(left::INTERPRETER);
+        let why = i64::from(left::BUDGET);
         let why = self.emit.builder.ins().iconst(I32, why);
         self.emit.builder.ins().return_(&[why]);
     }
@@ -277,11 +282,15 @@ impl Lower<'_, '_> {
 
     /// Goes on if `condition` is not zero, else leaves before the instruction at `pc`.
     fn stay_if(&mut self, condition: Value, state: &State, pc: u16) {
+        self.stay_or_leave(condition, state, left::INTERPRETER, pc);
+    }
+
+    fn stay_or_leave(&mut self, condition: Value, state: &State, why: u32, pc: u16) {
         let (stay, cold) = self.branch(condition);
         self.emit.builder.set_cold_block(cold);
         self.emit.builder.switch_to_block(cold);
         let mut copy = state.clone();
-        self.leave(&mut copy, left::INTERPRETER, Place::At(pc));
+        self.leave(&mut copy, why, Place::At(pc));
         self.emit.builder.switch_to_block(stay);
     }
 
@@ -309,7 +318,7 @@ impl Lower<'_, '_> {
         let left = self.emit.add_imm(left, -state.cycles);
         if block.is_checkpoint {
             let enough = self.emit.is(IntCC::SignedGreaterThan, left, block.reach);
-            self.stay_if(enough, state, block.instructions[0].pc);
+            self.stay_or_leave(enough, state, left::BUDGET, block.instructions[0].pc);
         }
         let instructions = self.emit.old(vars.instructions);
         let instructions = self.emit.add_imm(instructions, state.instructions);

@@ -95,8 +95,8 @@ pub(crate) struct Block {
 #[derive(Debug)]
 pub(crate) struct Region {
     pub(crate) blocks: Vec<Block>,
-    /// The first so many blocks are entries.
-    pub(crate) entries: usize,
+    /// Blocks at which it may be entered.
+    pub(crate) entries: Vec<usize>,
     /// Places that it covers, other than in functions whose calls were followed.
     pub(crate) covers: Vec<u16>,
     /// Program memory that it was made from: word addresses and contents.
@@ -371,19 +371,21 @@ pub(crate) fn explore(core: &Core, entry: u16, engine: &dyn Places) -> Option<Re
         machine,
         ..
     } = explorer;
-    let mut blocks = blocks(&instructions, &flows, &entries);
+    let (mut blocks, heads) = blocks(&instructions, &flows, &entries);
     let (order, loops) = find_loops(&mut blocks, entries.len());
     keep_small_loops(&mut blocks, &loops);
     place_checkpoints(&mut blocks, &order);
     find_live_flags(&mut blocks);
     find_dirty_state(&mut blocks);
+    let own_blocks = heads.iter().map(|&head| places[head] == 0);
+    let entries = choose_entries(&blocks, entries.len(), own_blocks);
     let own = instructions
         .iter()
         .zip(&places)
         .filter(|&(_, &place)| place == 0);
     Some(Region {
         blocks,
-        entries: entries.len(),
+        entries,
         covers: own.map(|(instruction, _)| instruction.pc).collect(),
         source: source(core, &instructions, &machine),
     })
@@ -404,8 +406,12 @@ fn source(core: &Core, instructions: &[Instruction], machine: &[u16]) -> Vec<(u1
     words
 }
 
-/// Cuts instructions into blocks, the entries first.
-fn blocks(instructions: &[Instruction], flows: &[Flow], entries: &[usize]) -> Vec<Block> {
+/// Cuts instructions into blocks, the entries first; with the first instruction of each.
+fn blocks(
+    instructions: &[Instruction],
+    flows: &[Flow],
+    entries: &[usize],
+) -> (Vec<Block>, Vec<usize>) {
     let mut arrivals = vec![0; instructions.len()];
     for &entry in entries {
         arrivals[entry] = 2;
@@ -463,7 +469,7 @@ fn blocks(instructions: &[Instruction], flows: &[Flow], entries: &[usize]) -> Ve
             instructions: run,
         });
     }
-    blocks
+    (blocks, heads)
 }
 
 /// Places the looks at the cycles left: one in each loop, and one where the way from the last has
@@ -532,6 +538,24 @@ fn find_loops(blocks: &mut [Block], entries: usize) -> (Vec<usize>, Vec<(usize, 
         }
     }
     (order, loops)
+}
+
+/// The blocks at which the region may be entered: those that must be, and any other of the
+/// function itself, so that the way back into translated code is short after an event. Not the
+/// small loops: there an entry would cost something in every round.
+fn choose_entries(
+    blocks: &[Block],
+    needed: usize,
+    is_own: impl Iterator<Item = bool>,
+) -> Vec<usize> {
+    let others = is_own
+        .enumerate()
+        .skip(needed)
+        .filter(|&(i, is_own)| is_own && blocks[i].inner_loop.is_none());
+    (0..needed)
+        .chain(others.map(|(i, _)| i))
+        .take(MAX_ENTRIES)
+        .collect()
 }
 
 /// Marks the blocks of innermost loops that are small.

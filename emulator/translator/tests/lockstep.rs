@@ -163,7 +163,7 @@ fn machine_with(image: &Image) -> Machine {
 
 #[test]
 fn random_programs_leave_the_same_state_on_both_engines() {
-    let result = runner(6_000).run(
+    let result = runner(1_500).run(
         &(
             random::case(),
             prop::sample::select(THRESHOLDS.to_vec()),
@@ -190,14 +190,14 @@ fn programs_from_the_bench_leave_the_same_state_on_both_engines() {
             .join(format!("{name}.c"));
         let elf = common::compile_file(&file);
         let image = Image::read(&elf, &ATMEGA328P).expect("avr-gcc writes a good ELF file");
-        agrees(&machine_with(&image), 600_000);
+        agrees(&machine_with(&image), 200_000);
     }
 }
 
 #[test]
 fn library_calls_leave_the_same_state_on_both_engines() {
     let source = include_str!("../../tests/programs/library.c");
-    agrees(&common::compiled("library", source), 600_000);
+    agrees(&common::compiled("library", source), 200_000);
 }
 
 #[test]
@@ -207,7 +207,7 @@ fn the_reference_firmware_leaves_the_same_state_on_both_engines() {
             .join("../../firmware/boards/atmega328p/images")
             .join(format!("{name}.elf"));
         let image = Image::read(&file, &ATMEGA328P).expect("the image is in the repository");
-        agrees(&machine_with(&image), 1_200_000);
+        agrees(&machine_with(&image), 400_000);
     }
 }
 
@@ -338,7 +338,7 @@ fn a_program_that_reprograms_itself_executes_its_new_instructions() {
         common::PRELUDE
     );
     let mut machine = common::assembled("reprogram", &source);
-    agrees(&machine, 3_000_000);
+    agrees(&machine, 1_000_000);
     // The test is about something: the victim has run with several constants.
     machine.run(&mut world(), 3_000_000);
     assert!(machine.data()[0x200] > 60, "{}", machine.data()[0x200]);
