@@ -153,7 +153,14 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     }
     let stop = match early_stop {
         Some(stop) => stop,
-        None => run(&mut machine, &mut engine, &mut desk, &mut line, limit, observers)?,
+        None => run(
+            &mut machine,
+            &mut engine,
+            &mut desk,
+            &mut line,
+            limit,
+            observers,
+        )?,
     };
     let host_seconds = begin.elapsed().as_secs_f64();
     line.close(&mut desk)?;
@@ -167,7 +174,14 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if let (Some(folder), Some(report), Some(document)) = (&folder, &profile, &document) {
         folder.write(document, report, &machine, program.symbols())?;
     }
-    let summary = Summary::new(&machine, engine.name(), &stop, host_seconds, &program, document);
+    let summary = Summary::new(
+        &machine,
+        engine.name(),
+        &stop,
+        host_seconds,
+        &program,
+        document,
+    );
     if output.is_json() {
         output.document(&summary);
     }
