@@ -47,6 +47,36 @@ fn rebuild(folder: &Path) {
 }
 
 #[test]
+fn the_images_hold_no_panic_and_no_floating_point() {
+    use object::{Object as _, ObjectSymbol as _};
+    // Names of what compilers call for them: core's panics, libgcc's and compiler-builtins' floats.
+    let forbidden = [
+        "panic", "__addsf3", "__mulsf3", "__divsf3", "__adddf3", "__muldf3",
+    ];
+    for name in ["plain.elf", "tapped.elf"] {
+        let bytes = bytes(&root().join(IMAGES), name);
+        let elf = object::File::parse(&*bytes).expect("an ELF");
+        let symbols: Vec<&str> = elf
+            .symbols()
+            .filter_map(|symbol| symbol.name().ok())
+            .collect();
+        // A control: what an image without symbols holds cannot be seen.
+        assert!(
+            symbols
+                .iter()
+                .any(|symbol| symbol.contains("square_root16")),
+            "{name}"
+        );
+        for symbol in symbols {
+            assert!(
+                !forbidden.iter().any(|part| symbol.contains(part)),
+                "{name}: {symbol}"
+            );
+        }
+    }
+}
+
+#[test]
 fn the_committed_images_are_what_their_sources_make() {
     let committed = root().join(IMAGES);
     let fresh = tempdir().expect("a temporary folder");
