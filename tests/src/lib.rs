@@ -14,15 +14,18 @@ pub fn root() -> PathBuf {
         .map_or_else(PathBuf::new, Path::to_path_buf)
 }
 
-/// The program under test, built in the profile and target folder of the running test. Cargo does
-/// not build another package's program for a test, so this does, with the whole workspace's feature
-/// selection: nothing is compiled twice.
+/// The program under test: what `CARDAN_PROGRAM` names (`cargo xtask test` sets it to what it has
+/// built), else it is built here, in the profile and target folder of the running test. (Cargo does
+/// not build another package's program for a test.)
 ///
 /// # Panics
 /// When the program does not build.
 pub fn cardan() -> &'static Path {
     static PROGRAM: OnceLock<PathBuf> = OnceLock::new();
     PROGRAM.get_or_init(|| {
+        if let Some(program) = std::env::var_os("CARDAN_PROGRAM") {
+            return PathBuf::from(program);
+        }
         let test = std::env::current_exe().expect("a test has a path");
         let profile_folder = test
             .parent()

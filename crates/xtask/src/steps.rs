@@ -10,6 +10,9 @@ use crate::shell::{cardan, cargo, command, run as run_command, run_watched};
 /// Folder of the committed images.
 const IMAGES: &str = "firmware/boards/atmega328p/images";
 
+/// Environment variable that names the program under test (`tests/src/lib.rs`).
+const PROGRAM: &str = "CARDAN_PROGRAM";
+
 /// A check.
 struct Step {
     name: &'static str,
@@ -150,6 +153,9 @@ fn images(_: &mut Counts) -> Result<bool, String> {
 
 fn test(counts: &mut Counts) -> Result<bool, String> {
     let mut tests = cargo(&["test", "--workspace", "--no-fail-fast"]);
+    // The program that the first step built: `cargo build --bins` would select other features, and
+    // compile half of the workspace again.
+    tests.env(PROGRAM, cardan());
     if let Some(python) = oracle_python() {
         tests.env(PYTHON, python);
     }
