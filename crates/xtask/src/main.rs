@@ -1,18 +1,20 @@
 //! Build and test automation.
 //!
 //! `cargo xtask test [--only STEP,...]` runs every check of the repository; `cargo xtask images`
-//! rebuilds the committed firmware images. What Cardan's own commands know (which parts of the
-//! system are missing, how images are built) is asked of them.
+//! rebuilds the committed firmware images; `cargo xtask soak` is the long test. What Cardan's own
+//! commands know (which parts of the system are missing, how images are built) is asked of them.
 
 mod prepare;
 mod shell;
+mod soak;
 mod steps;
 
 use std::process::ExitCode;
 
 const USAGE: &str = "\
 usage: cargo xtask test [--only STEP,...]   every check: installs what is missing, then runs all steps
-       cargo xtask images                   rebuilds the committed firmware images from source";
+       cargo xtask images                   rebuilds the committed firmware images from source
+       cargo xtask soak [--minutes N]       each fuzz target for N minutes (10), random programs for 10^9 cycles";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -21,6 +23,13 @@ fn main() -> ExitCode {
         ["test"] => steps::run(None),
         ["test", "--only", list] => steps::run(Some(list)),
         ["images"] => steps::write_images(),
+        ["soak"] => soak::soak(soak::MINUTES),
+        ["soak", "--minutes", minutes] => match minutes.parse() {
+            Ok(minutes @ 1..=10_000) => soak::soak(minutes),
+            _ => Err(format!(
+                "--minutes {minutes}: expected whole minutes, 1 to 10000"
+            )),
+        },
         ["help" | "--help" | "-h"] => {
             println!("{USAGE}\nsteps: {}", steps::names());
             return ExitCode::SUCCESS;

@@ -1,0 +1,6 @@
+//! Any program.
+#![no_main]
+
+libfuzzer_sys::fuzz_target!(|data: &[u8]| {
+    cardan_emulator_fuzz::random_flash(data);
+});
