@@ -53,6 +53,7 @@ mod power;
 mod profile;
 mod registers;
 mod schedule;
+mod stimulus;
 mod stop;
 mod symbols;
 mod system;
@@ -78,6 +79,7 @@ pub use profile::{
     Distribution, FunctionCost, LineCost, LoadWindow, PlaceCost, Profile, Report as ProfileReport,
     StackPeak, Totals, VectorCost, Window,
 };
+pub use stimulus::{Stimulus, StimulusError};
 pub use stop::{Cause, Crash, Report, ReportKind, Stop};
 pub use symbols::{Frame, Function, Row, Symbols, demangle, shortened};
 pub use watch::{Change, Watch, Watched};

@@ -36,6 +36,11 @@ fn the_corpus_of_instructions_does_no_harm() {
 }
 
 #[test]
+fn the_corpus_of_stimuli_does_no_harm() {
+    assert!(replay("stimulus", bodies::stimulus) >= 4);
+}
+
+#[test]
 fn the_corpus_of_packets_does_no_harm() {
     assert!(replay("packets", bodies::packets) >= 4);
 }

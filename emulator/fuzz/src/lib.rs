@@ -3,7 +3,7 @@
 
 use cardan_emulator::{
     ATMEGA328P, AnalogInput, Cause, Crash, Debugger, Environment, Fuses, Image, Machine, Pin,
-    SerialByte, State, Stop, Unconnected, disassemble,
+    SerialByte, State, Stimulus, Stop, Unconnected, disassemble,
 };
 
 /// Words of a program, little endian.
@@ -23,6 +23,31 @@ pub fn loader(data: &[u8]) {
             let mut machine = Machine::new(&ATMEGA328P, 16_000_000);
             machine.load(&image);
             machine.run(&mut Unconnected, 2_000);
+        }
+        Err(error) => assert!(error.to_string().starts_with("fuzzed: ")),
+    }
+}
+
+/// Any file is a stimulus, whose values may be asked for at any cycle and whose changes come in
+/// order, or an error that names it.
+pub fn stimulus(data: &[u8]) {
+    match Stimulus::parse("fuzzed", data, 16_000_000) {
+        Ok(stimulus) => {
+            let mut cycle = 0;
+            for _ in 0..100 {
+                for pin in (0..3).flat_map(|port| (0..8).filter_map(move |bit| Pin::new(port, bit)))
+                {
+                    stimulus.level(pin, cycle);
+                }
+                let volts: Vec<f64> = (0..=8)
+                    .map(|channel| stimulus.volts(channel, cycle))
+                    .collect();
+                assert!(volts.iter().all(|volts| volts.is_finite()), "{volts:?}");
+                match stimulus.next_change(cycle) {
+                    Some(next) => assert!(std::mem::replace(&mut cycle, next) < next),
+                    None => break,
+                }
+            }
         }
         Err(error) => assert!(error.to_string().starts_with("fuzzed: ")),
     }

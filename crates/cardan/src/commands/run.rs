@@ -11,17 +11,15 @@ mod pty;
 mod serial;
 mod signals;
 mod standard_input;
-mod stimulus;
-mod stimulus_csv;
-mod stimulus_vcd;
 mod summary;
 mod waveform;
 
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
 
-use cardan_emulator::{Device, Machine, Observers, Profile, Stop, Supply, Watch};
+use cardan_emulator::{Device, Machine, Observers, Profile, Stimulus, Stop, Supply, Watch};
 use clap::Args;
 
 use self::desk::Desk;
@@ -29,7 +27,6 @@ use self::engine::{Chosen, EngineName};
 use self::profile_files::Folder;
 use self::program::Program;
 use self::serial::{Choice, Line};
-use self::stimulus::Stimulus;
 use self::summary::Summary;
 use self::waveform::Waveform;
 use crate::failure::{Done, Failure, code};
@@ -230,10 +227,19 @@ fn waveform(arguments: &Arguments, program: &Program) -> Result<Option<Waveform>
     Waveform::create(file, arguments.freq, signals).map(Some)
 }
 
+/// Reads a stimulus file.
+fn stimulus(file: &Path, hz: u64) -> Result<Stimulus, Failure> {
+    let name = file.display().to_string();
+    let text = fs::read(file).map_err(|error| {
+        Failure::input(format!("{name}: cannot be read: {error}; check the path"))
+    })?;
+    Stimulus::parse(&name, &text, hz).map_err(Failure::input)
+}
+
 /// What is connected to the pins: constant voltages, and what the stimulus file brings.
 fn connections(arguments: &Arguments) -> Result<Stimulus, Failure> {
     let mut stimulus = match &arguments.stimulus {
-        Some(file) => stimulus::read(file, arguments.freq)?,
+        Some(file) => stimulus(file, arguments.freq)?,
         None => Stimulus::default(),
     };
     let mut seen = [false; 8];

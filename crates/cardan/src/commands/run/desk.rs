@@ -2,9 +2,8 @@
 
 use std::collections::VecDeque;
 
-use cardan_emulator::{AnalogInput, Environment, Pin, ResetCause, SerialByte};
+use cardan_emulator::{AnalogInput, Environment, Pin, ResetCause, SerialByte, Stimulus};
 
-use super::stimulus::Stimulus;
 use super::waveform::Waveform;
 
 /// On-chip temperature sensor at 25 degrees Celsius, in volts (data sheet, table 24-2).

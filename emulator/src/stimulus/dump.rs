@@ -4,19 +4,17 @@
 
 use std::fmt::Display;
 use std::io::Read;
-use std::path::Path;
 
-use cardan_emulator::Pin;
+use crate::environment::Pin;
 use vcd::{Command, Header, IdCode, Parser, ScopeItem, Value, Var, VarType};
 
-use super::stimulus::{Input, Stimulus};
-use crate::failure::Failure;
+use super::{Input, Stimulus, StimulusError};
 
 /// Latest time accepted, in seconds, as for every other duration.
 const LATEST_S: u128 = 1_000_000;
 
 /// Reads `text` of `file`; `hz` is the clock by which times are converted to cycles.
-pub(super) fn read(file: &Path, text: &[u8], hz: u64) -> Result<Stimulus, Failure> {
+pub(super) fn read(file: &str, text: &[u8], hz: u64) -> Result<Stimulus, StimulusError> {
     // The parser wants white space after the last word.
     let mut parser = Parser::new(text.chain(&b"\n"[..]));
     let header = parser
@@ -128,7 +126,7 @@ impl Clock {
 
 /// The signals whose names are those of inputs, in all scopes. A signal that a dump lists once more
 /// in an inner scope (a port of a module) is the same signal.
-fn inputs(file: &Path, header: &Header) -> Result<Vec<(IdCode, Input)>, Failure> {
+fn inputs(file: &str, header: &Header) -> Result<Vec<(IdCode, Input)>, StimulusError> {
     let mut variables = Vec::new();
     collect(&header.items, "", &mut variables);
     let mut found: Vec<(IdCode, Input, String)> = Vec::new();
@@ -190,6 +188,6 @@ fn collect<'a>(items: &'a [ScopeItem], scope: &str, found: &mut Vec<(String, &'a
     }
 }
 
-fn failure(file: &Path, what: impl Display) -> Failure {
-    Failure::input(format!("{}: {what}", file.display()))
+fn failure(file: &str, what: impl Display) -> StimulusError {
+    StimulusError::new(file, what)
 }

@@ -1,12 +1,10 @@
 //! Reads a stimulus file: CSV, first column time, the others inputs by name.
 
 use std::fmt::Display;
-use std::path::Path;
 
 use csv::{ReaderBuilder, StringRecord, Trim};
 
-use super::stimulus::{Input, Stimulus};
-use crate::failure::Failure;
+use super::{Input, Stimulus, StimulusError};
 
 /// Latest time accepted, in seconds, as for every other duration.
 const LATEST_S: f64 = 1e6;
@@ -19,7 +17,7 @@ enum Time {
 }
 
 /// Reads `text` of `file`; `hz` is the clock by which `t_s` is converted to cycles.
-pub(super) fn read(file: &Path, text: &[u8], hz: u64) -> Result<Stimulus, Failure> {
+pub(super) fn read(file: &str, text: &[u8], hz: u64) -> Result<Stimulus, StimulusError> {
     let mut reader = ReaderBuilder::new()
         .flexible(true)
         .trim(Trim::All)
@@ -57,7 +55,7 @@ pub(super) fn read(file: &Path, text: &[u8], hz: u64) -> Result<Stimulus, Failur
     Ok(stimulus)
 }
 
-fn time(file: &Path, header: &StringRecord, hz: u64) -> Result<Time, Failure> {
+fn time(file: &str, header: &StringRecord, hz: u64) -> Result<Time, StimulusError> {
     match header.get(0).unwrap_or("") {
         "cycle" => Ok(Time::Cycle),
         "t_s" => Ok(Time::Seconds { hz: hz as f64 }),
@@ -76,7 +74,7 @@ fn time(file: &Path, header: &StringRecord, hz: u64) -> Result<Time, Failure> {
     }
 }
 
-fn inputs(file: &Path, header: &StringRecord) -> Result<Vec<Input>, Failure> {
+fn inputs(file: &str, header: &StringRecord) -> Result<Vec<Input>, StimulusError> {
     let mut found = Vec::new();
     for (index, name) in header.iter().enumerate().skip(1) {
         let at = format!("line 1, column {}", index + 1);
@@ -99,13 +97,13 @@ fn inputs(file: &Path, header: &StringRecord) -> Result<Vec<Input>, Failure> {
 
 /// One row with its place.
 struct Row<'a> {
-    file: &'a Path,
+    file: &'a str,
     header: &'a StringRecord,
     record: &'a StringRecord,
 }
 
 impl Row<'_> {
-    fn check_width(&self) -> Result<(), Failure> {
+    fn check_width(&self) -> Result<(), StimulusError> {
         let (found, expected) = (self.record.len(), self.header.len());
         if found == expected {
             return Ok(());
@@ -115,7 +113,7 @@ impl Row<'_> {
     }
 
     /// The row's cycle, and its time in the file's unit.
-    fn time(&self, time: Time) -> Result<(u64, f64), Failure> {
+    fn time(&self, time: Time) -> Result<(u64, f64), StimulusError> {
         match time {
             Time::Cycle => {
                 let cycle: u64 = self.record[0].parse().map_err(|_| {
@@ -137,7 +135,12 @@ impl Row<'_> {
         }
     }
 
-    fn apply(&self, inputs: &[Input], cycle: u64, stimulus: &mut Stimulus) -> Result<(), Failure> {
+    fn apply(
+        &self,
+        inputs: &[Input],
+        cycle: u64,
+        stimulus: &mut Stimulus,
+    ) -> Result<(), StimulusError> {
         for (index, input) in inputs.iter().enumerate() {
             match *input {
                 Input::Analog(channel) => {
@@ -149,7 +152,7 @@ impl Row<'_> {
         Ok(())
     }
 
-    fn number(&self, index: usize) -> Result<f64, Failure> {
+    fn number(&self, index: usize) -> Result<f64, StimulusError> {
         let number = self.record[index]
             .parse()
             .ok()
@@ -162,7 +165,7 @@ impl Row<'_> {
         })
     }
 
-    fn level(&self, index: usize) -> Result<bool, Failure> {
+    fn level(&self, index: usize) -> Result<bool, StimulusError> {
         match &self.record[index] {
             "0" => Ok(false),
             "1" => Ok(true),
@@ -181,7 +184,7 @@ impl Row<'_> {
         self.record.position().map_or(0, csv::Position::line)
     }
 
-    fn failure(&self, index: usize, what: impl Display) -> Failure {
+    fn failure(&self, index: usize, what: impl Display) -> StimulusError {
         let (line, name) = (self.line(), &self.header[index]);
         failure(
             self.file,
@@ -190,7 +193,7 @@ impl Row<'_> {
     }
 }
 
-fn csv_failure(file: &Path, error: &csv::Error) -> Failure {
+fn csv_failure(file: &str, error: &csv::Error) -> StimulusError {
     let at = error
         .position()
         .map_or(String::new(), |at| format!("line {}: ", at.line()));
@@ -200,6 +203,6 @@ fn csv_failure(file: &Path, error: &csv::Error) -> Failure {
     }
 }
 
-fn failure(file: &Path, what: impl Display) -> Failure {
-    Failure::input(format!("{}: {what}", file.display()))
+fn failure(file: &str, what: impl Display) -> StimulusError {
+    StimulusError::new(file, what)
 }

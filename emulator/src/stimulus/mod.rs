@@ -1,12 +1,11 @@
 //! What the outside applies to the pins over time: volts and levels, each held until it changes.
 
-use std::fs;
-use std::path::Path;
+mod dump;
+mod table;
 
-use cardan_emulator::Pin;
+use std::fmt::Display;
 
-use super::{stimulus_csv, stimulus_vcd};
-use crate::failure::Failure;
+use crate::environment::Pin;
 
 /// Number of analog inputs.
 const ANALOG_INPUTS: usize = 8;
@@ -15,7 +14,7 @@ const PINS: usize = 24;
 
 /// What a column or signal sets.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Input {
+enum Input {
     /// Voltage of an ADC channel.
     Analog(u8),
     /// Level of a pin.
@@ -24,7 +23,7 @@ pub(super) enum Input {
 
 impl Input {
     /// The input called `adc0_V` to `adc7_V` or `PB0` to `PD7`.
-    pub(super) fn named(name: &str) -> Option<Self> {
+    fn named(name: &str) -> Option<Self> {
         if let Ok(pin) = name.parse() {
             return Some(Self::Digital(pin));
         }
@@ -34,22 +33,22 @@ impl Input {
     }
 }
 
-/// Reads a stimulus file, CSV or value change dump; `hz` is the clock that times refer to.
-pub(super) fn read(file: &Path, hz: u64) -> Result<Stimulus, Failure> {
-    let text = fs::read(file).map_err(|error| {
-        let what = "cannot be read";
-        Failure::input(format!(
-            "{}: {what}: {error}; check the path",
-            file.display()
-        ))
-    })?;
-    // Some programs on other systems begin every text with this mark.
-    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&text);
-    // Every declaration of a dump begins with a dollar sign, no header row of a CSV does.
-    if text.trim_ascii_start().starts_with(b"$") {
-        stimulus_vcd::read(file, text, hz)
-    } else {
-        stimulus_csv::read(file, text, hz)
+/// A text that is no stimulus: file, place, expectation.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{file}: {what}")]
+pub struct StimulusError {
+    /// Name of the file.
+    pub file: String,
+    /// What is wrong, and where.
+    pub what: String,
+}
+
+impl StimulusError {
+    fn new(file: &str, what: impl Display) -> StimulusError {
+        StimulusError {
+            file: file.to_owned(),
+            what: what.to_string(),
+        }
     }
 }
 
@@ -73,7 +72,7 @@ impl<T: Copy> Track<T> {
 
 /// All inputs over time.
 #[derive(Clone, Debug)]
-pub(super) struct Stimulus {
+pub struct Stimulus {
     analog: [Track<f64>; ANALOG_INPUTS],
     /// `None`: driven no longer.
     pins: [Track<Option<bool>>; PINS],
@@ -93,20 +92,34 @@ impl Default for Stimulus {
 }
 
 impl Stimulus {
+    /// Reads a stimulus from a file's bytes, CSV or value change dump; `file` is its name in
+    /// messages, `hz` the clock that its times refer to.
+    ///
+    /// # Errors
+    /// The text is neither; the message says where, what was expected and how to mend it.
+    pub fn parse(file: &str, text: &[u8], hz: u64) -> Result<Stimulus, StimulusError> {
+        // Every declaration of a dump begins with a dollar sign, no header row of a CSV does.
+        if text.trim_ascii_start().starts_with(b"$") {
+            dump::read(file, text, hz)
+        } else {
+            table::read(file, text, hz)
+        }
+    }
+
     /// Sets an analog input from `cycle` on. Calls come in the order of their cycles.
-    pub(super) fn set_analog(&mut self, channel: u8, cycle: u64, volts: f64) {
+    pub fn set_analog(&mut self, channel: u8, cycle: u64, volts: f64) {
         self.analog[usize::from(channel)].0.push((cycle, volts));
         self.note(cycle);
     }
 
     /// Drives a pin, or stops driving it, from `cycle` on. Calls come in the order of their cycles.
-    pub(super) fn set_pin(&mut self, pin: Pin, cycle: u64, level: Option<bool>) {
+    pub fn set_pin(&mut self, pin: Pin, cycle: u64, level: Option<bool>) {
         self.pins[pin.index()].0.push((cycle, level));
         self.note(cycle);
     }
 
     /// Applies a voltage from the start on; false if the input has values already.
-    pub(super) fn start_analog(&mut self, channel: u8, volts: f64) -> bool {
+    pub fn start_analog(&mut self, channel: u8, volts: f64) -> bool {
         let track = &mut self.analog[usize::from(channel)];
         let is_free = track.0.is_empty();
         if is_free {
@@ -122,18 +135,18 @@ impl Stimulus {
     }
 
     /// Volts on an analog input; 0 V if nothing is connected.
-    pub(super) fn volts(&self, channel: u8, cycle: u64) -> f64 {
+    pub fn volts(&self, channel: u8, cycle: u64) -> f64 {
         let track = self.analog.get(usize::from(channel));
         track.and_then(|track| track.at(cycle)).unwrap_or(0.0)
     }
 
     /// Level that drives a pin; `None` if nothing does.
-    pub(super) fn level(&self, pin: Pin, cycle: u64) -> Option<bool> {
+    pub fn level(&self, pin: Pin, cycle: u64) -> Option<bool> {
         self.pins[pin.index()].at(cycle).flatten()
     }
 
     /// The next cycle after `cycle` at which an input is set.
-    pub(super) fn next_change(&self, cycle: u64) -> Option<u64> {
+    pub fn next_change(&self, cycle: u64) -> Option<u64> {
         let next = self.instants.partition_point(|&instant| instant <= cycle);
         self.instants.get(next).copied()
     }
