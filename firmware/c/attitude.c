@@ -5,7 +5,7 @@
  * C, S cosine and sine of a heading. Set 1 is yaw, pitch, roll (Z-Y-X), set 2 the order Z-X-Y; both give
  * a yaw, and yaw is their weighted mean. Angles are in half turns.
  *
- * Each publish... and each cardan_tap is a node taking a value; most are words of 16 bits.
+ * A function with a node as its first argument computes that node's value and publishes it.
  */
 #include "cardan_tap.h"
 #include "fixed.h"
@@ -161,7 +161,7 @@ static int16_t assemble(int16_t x, bool sine_smaller, bool sine_negative, bool c
     return publish(NODE_ANGLE, sine_negative ? lower : upper);
 }
 
-/* atan2(sine, cosine) for a vector of the given length; length 0 stands for a unit vector's. */
+/* atan2(sine, cosine) for a vector of the given length; without one, for a unit vector. */
 static int16_t angle(int16_t sine, int16_t cosine, const int16_t *length)
 {
     int16_t s = publish(NODE_MAGNITUDE, magnitude_limited(sine));
@@ -371,7 +371,7 @@ static void check_validity(const struct readings *r, int16_t down_square)
     field_z_square = publish(NODE_FIELD_Z_SQUARE, round_shift(sum - part, places));
 
     track_signs(down_square, field_z_square, dip_product < 0);
-    /* Half as many fractional bits hold the sum: one less. */
+    /* The sum has a fractional bit less, so that it fits. */
     z_sum = publish(NODE_VERTICAL_SUM, round_shift((int32_t)down_square + field_z_square, 1));
     if ((int32_t)z_sum * 2 < LEAST_VERTICAL)
         state.signs_lost = true;
