@@ -1,9 +1,11 @@
 //! Build and test automation.
 //!
 //! `cargo xtask test [--only STEP,...]` runs every check of the repository; `cargo xtask images`
-//! rebuilds the committed firmware images; `cargo xtask soak` is the long test. What Cardan's own
-//! commands know (which parts of the system are missing, how images are built) is asked of them.
+//! rebuilds the committed firmware images; `cargo xtask c-header` writes the node table for firmware
+//! in C; `cargo xtask soak` is the long test. What Cardan's own commands know (which parts of the
+//! system are missing, how images are built) is asked of them.
 
+mod c_header;
 mod prepare;
 mod shell;
 mod soak;
@@ -14,7 +16,8 @@ use std::process::ExitCode;
 const USAGE: &str = "\
 usage: cargo xtask test [--only STEP,...]   every check: installs what is missing, then runs all steps
        cargo xtask images                   rebuilds the committed firmware images from source
-       cargo xtask soak [--minutes N]       each fuzz target for N minutes (10), random programs for 10^9 cycles";
+       cargo xtask soak [--minutes N]       each fuzz target for N minutes (10), random programs for 10^9 cycles
+       cargo xtask c-header                 writes firmware/c/nodes.h from firmware/wordlengths.toml";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -22,6 +25,7 @@ fn main() -> ExitCode {
     let done = match arguments[..] {
         ["test"] => steps::run(None),
         ["test", "--only", list] => steps::run(Some(list)),
+        ["c-header"] => c_header::write(),
         ["images"] => steps::write_images(),
         ["soak"] => soak::soak(soak::MINUTES),
         ["soak", "--minutes", minutes] => match minutes.parse() {

@@ -12,10 +12,11 @@ use crate::failure::Failure;
 /// Files and folders that go into an image beside the board's own. The workspace's manifest only
 /// gives the versions that the board's lock file pins.
 const SHARED: [&str; 4] = ["firmware", "crates/units", "crates/spec", "crates/datapath"];
-/// Folders that hold nothing that goes into an image: other boards, committed images, build output,
-/// tests and what they remember.
-const EXCEPT: [&str; 5] = [
+/// Folders that hold nothing that goes into an image: other boards, the example in C, committed
+/// images, build output, tests and what they remember.
+const EXCEPT: [&str; 6] = [
     "boards",
+    "c",
     "images",
     "target",
     "tests",
@@ -83,11 +84,12 @@ mod tests {
     use super::*;
 
     #[test]
-    fn tests_and_what_they_remember_are_no_sources_of_an_image() {
+    fn tests_what_they_remember_and_c_are_no_sources_of_an_image() {
         let folder = std::env::temp_dir().join(format!("cardan-sources-{}", std::process::id()));
         let files = [
             "src/lib.rs",
             "tests/a.rs",
+            "c/attitude.c",
             "src/tests/b.rs",
             "proptest-regressions/c.txt",
         ];

@@ -1,0 +1,217 @@
+/* attitude_float.c: the attitude in floating point (avr-libc's, 32 bits), as one would write it first.
+ *
+ * It is here for its cost: Cardan counts the cycles for which PB5 is high, in this image and in
+ * attitude.c's. Without taps, and with other last bits than fixed point, it is not meant to pass
+ * `cardan compare`. Letters and sets are attitude.c's.
+ */
+#include <math.h>
+
+#include "cardan_tap.h"
+#include "solver.h"
+
+#define FULL_SCALE (512.0f * AVERAGING)
+#define PI 3.14159265f
+#define DOMAIN_LIMIT 1.125f
+#define LEAST_EAST 0.01f
+#define LEAST_DOWN 0.03f
+#define LEAST_VERTICAL 0.1f
+#define RESIDUAL_LIMIT 0.15f
+
+static float calibration[CALIBRATION_WORDS];
+
+/* What a solution leaves to the next. */
+static struct {
+    float yaw;
+    bool down_negative;
+    bool field_z_negative;
+    bool signs_lost;
+    bool started;
+} state;
+
+static uint16_t flags;
+
+struct readings {
+    float t1, t2, b1, b2;
+};
+
+/* Sines and cosines of the tilt angles of both sets. */
+struct tilt {
+    float cos_1, cos_2, down;
+    float sin_roll, cos_roll;
+    float down_square;
+};
+
+static void raise(uint16_t flag, bool condition)
+{
+    if (condition)
+        flags |= flag;
+}
+
+static float divide(float a, float b)
+{
+    raise(DOMAIN, b == 0);
+    if (b == 0)
+        return a < 0 ? -2.0f : 2.0f;
+    return a / b;
+}
+
+/* sqrt(max(0, rest)). */
+static float root(float rest)
+{
+    return rest < 0 ? 0 : sqrtf(rest);
+}
+
+/* a limited to -1..1; a status bit if it is beyond by more than noise. */
+static float clamp(float a)
+{
+    raise(DOMAIN, a > DOMAIN_LIMIT || a < -DOMAIN_LIMIT);
+    return a > 1 ? 1 : a < -1 ? -1 : a;
+}
+
+/* An angle in radians within half a turn. */
+static float wrap(float radians)
+{
+    if (radians > PI)
+        return radians - 2 * PI;
+    if (radians < -PI)
+        return radians + 2 * PI;
+    return radians;
+}
+
+/* Radians to half turns with 15 fractional bits, modulo a turn. */
+static int16_t to_half_turns(float radians)
+{
+    return (int16_t)(uint16_t)lrintf(radians * (32768.0f / PI));
+}
+
+/* Offsets and matrices: sums to g and to parts of the field. */
+static struct readings calibrate(const int16_t sums[CHANNELS])
+{
+    const float *offset = calibration;
+    const float *tilt = &calibration[TILT_MATRIX];
+    const float *field = &calibration[FIELD_MATRIX];
+    float x = sums[0] * (1 / FULL_SCALE) - offset[TILT_OFFSET];
+    float y = sums[1] * (1 / FULL_SCALE) - offset[TILT_OFFSET + 1];
+    struct readings r;
+
+    r.t1 = tilt[0] * x + tilt[1] * y;
+    r.t2 = tilt[2] * x + tilt[3] * y;
+    x = sums[2] * (1 / FULL_SCALE) - offset[FIELD_OFFSET];
+    y = sums[3] * (1 / FULL_SCALE) - offset[FIELD_OFFSET + 1];
+    r.b1 = field[0] * x + field[1] * y;
+    r.b2 = field[2] * x + field[3] * y;
+    return r;
+}
+
+static struct tilt tilt_of(const struct readings *r)
+{
+    float square_1 = r->t1 * r->t1;
+    float square_2 = r->t2 * r->t2;
+    struct tilt tilt;
+
+    tilt.down_square = 1 - square_1 - square_2;
+    tilt.cos_1 = root(1 - square_1);
+    tilt.cos_2 = root(1 - square_2);
+    tilt.down = root(tilt.down_square);
+    tilt.sin_roll = divide(r->t2, tilt.cos_1);
+    tilt.cos_roll = divide(tilt.down, tilt.cos_1);
+    return tilt;
+}
+
+/* The other function of a sine or cosine: sqrt(1 - a^2) with the given sign. */
+static float co_function(float a, bool negative)
+{
+    float magnitude = root(1 - a * a);
+
+    return negative ? -magnitude : magnitude;
+}
+
+static float yaw_of(const struct readings *r, const struct tilt *tilt)
+{
+    float vertical = calibration[VERTICAL];
+    /* The level components of the field: over its horizontal part they are C cos_1 and S cos_2. */
+    float level_cos = (r->b1 - vertical * r->t1) * calibration[INVERSE_HORIZONTAL];
+    float level_sin = (vertical * r->t2 - r->b2) * calibration[INVERSE_HORIZONTAL];
+    float c_1 = divide(level_cos, tilt->cos_1);
+    float s_2 = divide(level_sin, tilt->cos_2);
+    float tilts = r->t1 * r->t2;
+    float twist = r->t1 * tilt->sin_roll;
+    float cross_1 = level_sin - twist * c_1;
+    float cross_2 = level_cos * tilt->cos_2 - tilts * s_2;
+    float yaw_1, yaw_2, cosine, roll_square, part, east_1, east_2, square_1, sum;
+    bool is_defined;
+
+    /* sgn(S) acos(C). */
+    yaw_1 = acosf(clamp(c_1));
+    if (cross_1 < 0)
+        yaw_1 = -yaw_1;
+    /* asin(S) in the half that C's sign tells, as set 1's yaw. */
+    s_2 = clamp(s_2);
+    cosine = co_function(s_2, cross_2 < 0);
+    yaw_2 = atan2f(tilt->down * s_2 - tilts * cosine, tilt->down * cosine + tilts * s_2);
+
+    /* The weights, times cos_roll^2 (S^2 + C^2). */
+    roll_square = tilt->cos_roll * tilt->cos_roll;
+    part = roll_square * c_1;
+    east_1 = tilt->cos_1 * cross_1;
+    east_2 = part - twist * cross_1;
+    square_1 = east_1 * east_1;
+    sum = square_1 + east_2 * east_2;
+    is_defined = sum >= LEAST_EAST * (cross_1 * cross_1 + part * c_1);
+    raise(YAW_HELD, !is_defined);
+    if (is_defined)
+        state.yaw = wrap(yaw_2 + divide(square_1, sum) * wrap(yaw_1 - yaw_2));
+    return state.yaw;
+}
+
+/* Half-space, and whether the readings agree with the Earth's field. */
+static void check_validity(const struct readings *r, float down_square)
+{
+    float dip_product = calibration[VERTICAL] - r->b1 * r->t1 - r->b2 * r->t2;
+    float field_z_square = 1 - r->b1 * r->b1 - r->b2 * r->b2;
+    bool product_negative = dip_product < 0;
+
+    if (!state.started)
+        state.field_z_negative = product_negative;
+    else if (down_square < field_z_square)
+        state.down_negative = state.field_z_negative != product_negative;
+    else
+        state.field_z_negative = state.down_negative != product_negative;
+    state.started = true;
+    if (down_square + field_z_square < LEAST_VERTICAL)
+        state.signs_lost = true;
+    raise(HALF_SPACE, state.down_negative || down_square < LEAST_DOWN || state.signs_lost);
+    raise(DISTURBED,
+          fabsf(dip_product * dip_product - down_square * field_z_square) > RESIDUAL_LIMIT);
+}
+
+void solve(const int16_t sums[CHANNELS], struct solution *solution)
+{
+    struct readings readings;
+    struct tilt tilt;
+
+    flags = 0;
+    readings = calibrate(sums);
+    tilt = tilt_of(&readings);
+    solution->pitch = to_half_turns(-asinf(clamp(readings.t1)));
+    solution->roll = to_half_turns(asinf(clamp(tilt.sin_roll)));
+    solution->yaw = to_half_turns(yaw_of(&readings, &tilt));
+    check_validity(&readings, tilt.down_square);
+    solution->flags = flags;
+}
+
+void solver_set_upright(void)
+{
+    state.down_negative = false;
+    state.field_z_negative = false;
+    state.signs_lost = false;
+    state.started = false;
+}
+
+void solver_start(const int32_t words[CALIBRATION_WORDS])
+{
+    uint8_t i;
+
+    for (i = 0; i < CALIBRATION_WORDS; i++)
+        calibration[i] = ldexpf(words[i], -CALIBRATION_FRAC);
+}
