@@ -2,9 +2,10 @@
 
 use cardan_datapath::{Format, NodeInfo};
 use cardan_scenario::Scenario;
+use cardan_tune::Problem;
 
 use crate::attitude::Attitude;
-use crate::engine::Engine;
+use crate::engine::{Conversion, Engine, Truth};
 use crate::image::Firmware;
 
 /// What a run is made of, as the emulated participant decides it and the others are told.
@@ -14,6 +15,19 @@ pub struct Configuration {
     pub calibration: Vec<i32>,
     /// Solutions of the run.
     pub solutions: u64,
+}
+
+/// A run of the emulated device, kept for tuning.
+#[derive(Clone, Debug)]
+pub struct RecordedRun {
+    /// Name in reports.
+    pub name: String,
+    /// What it was made of.
+    pub configuration: Configuration,
+    /// Its conversions, the warm-up included.
+    pub conversions: Vec<Conversion>,
+    /// The true attitude of each solution.
+    pub truths: Vec<Truth>,
 }
 
 /// What the golden engine is fed with.
@@ -87,6 +101,11 @@ pub trait App: Sync {
     ) -> Result<Box<dyn Engine>, String>;
     /// The golden model.
     fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine>;
+    /// The algorithm as a problem for tuning: on some runs, to be verified on others.
+    ///
+    /// # Errors
+    /// Runs without a whole solution.
+    fn problem(&self, tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Result<Problem, String>;
     /// Attitude in half turns (yaw, pitch, roll) and status bits of a frame, if it is whole.
     fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)>;
     /// Nodes that hold yaw, pitch and roll.

@@ -6,6 +6,7 @@ mod failure;
 mod judge;
 mod output;
 mod participants;
+mod recording;
 mod run_options;
 mod toolchain;
 mod verdict;
@@ -45,6 +46,8 @@ enum Command {
     Emulate(commands::participants::EmulateArgs),
     /// Take part in a session as the judge
     Diff(commands::participants::DiffArgs),
+    Tune(Box<commands::tune::Arguments>),
+    Ranges(commands::ranges::Arguments),
     Run(commands::run::Arguments),
     Build(commands::build::Arguments),
     Doctor(commands::doctor::Arguments),
@@ -65,6 +68,8 @@ fn main() -> ExitCode {
         Command::Native(args) => commands::participants::native(args, output),
         Command::Emulate(args) => commands::participants::emulate(args, output),
         Command::Diff(args) => commands::participants::diff(args, output),
+        Command::Tune(args) => commands::tune::execute(args, output),
+        Command::Ranges(args) => commands::ranges::execute(args, output),
         Command::Run(args) => commands::run::execute(args, output),
         Command::Build(args) => commands::build::execute(args, output),
         Command::Doctor(args) => commands::doctor::execute(args, output),

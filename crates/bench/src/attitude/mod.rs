@@ -9,6 +9,7 @@ mod mixed;
 mod native;
 mod schedule;
 mod tolerances;
+mod tuning;
 
 pub use datapath::AttitudeDatapath;
 
@@ -22,8 +23,9 @@ use cardan_scenario::{Scenario, Trajectory, report};
 use cardan_spec::calibration::{Calibration, FRAC, WORDS};
 use cardan_spec::nodes::SHARED;
 use cardan_spec::timing::{CPU_HZ, SOLUTION_CYCLES, WARM_UP_SOLUTIONS};
+use cardan_tune::Problem;
 
-use crate::app::{App, Configuration, Feed, Tolerance};
+use crate::app::{App, Configuration, Feed, RecordedRun, Tolerance};
 use crate::engine::Engine;
 use crate::image::Firmware;
 
@@ -170,6 +172,10 @@ impl App for Attitude {
 
     fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)> {
         frames::decode(bytes)
+    }
+
+    fn problem(&self, tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Result<Problem, String> {
+        tuning::problem(tuning, held_out)
     }
 
     fn attitude_nodes(&self) -> [usize; 3] {

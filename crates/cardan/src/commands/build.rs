@@ -1,6 +1,6 @@
 //! `build`: cross-compiles the firmware, and says what it needs of the controller.
 
-mod measure;
+pub(crate) mod measure;
 mod report;
 
 use std::fs;

@@ -167,6 +167,22 @@ fn ended_early(error: SupervisorError) -> Failure {
 }
 
 fn in_threads(args: &CompareArgs, setup: &Setup, session: SessionId, output: Output) -> Done {
+    let collected = collected(setup, &session)?;
+    let shown = args.session.as_deref().unwrap_or(AUTOMATIC);
+    let command = verdict::command_line(&args.run);
+    let comparison = judge::comparison(setup, &collected, shown, command)?;
+    verdict::publish(&comparison, &collected, &args.extras, output)
+}
+
+/// The comparison of a run in this process, for other commands.
+pub(crate) fn comparison(run: &RunOptions) -> Result<cardan_compare::Comparison, Failure> {
+    let setup = run.resolve()?;
+    let collected = collected(&setup, &SessionId::fresh())?;
+    judge::comparison(&setup, &collected, AUTOMATIC, verdict::command_line(run))
+}
+
+/// Runs all participants as threads.
+fn collected(setup: &Setup, session: &SessionId) -> Result<diff::Collected, Failure> {
     let join = |role: Role| {
         join(
             role,
@@ -176,7 +192,7 @@ fn in_threads(args: &CompareArgs, setup: &Setup, session: SessionId, output: Out
             JOIN_TIMEOUT,
         )
     };
-    let collected = thread::scope(|scope| {
+    thread::scope(|scope| {
         let emulated = scope.spawn(|| emulated::run(join(Role::Emulated)?, setup));
         let native =
             scope.spawn(|| native::run(join(Role::Native)?, setup.app, setup.formats.as_deref()));
@@ -197,9 +213,5 @@ fn in_threads(args: &CompareArgs, setup: &Setup, session: SessionId, output: Out
             }
         }
         collected
-    })?;
-    let shown = args.session.as_deref().unwrap_or(AUTOMATIC);
-    let command = verdict::command_line(&args.run);
-    let comparison = judge::comparison(setup, &collected, shown, command)?;
-    verdict::publish(&comparison, &collected, &args.extras, output)
+    })
 }

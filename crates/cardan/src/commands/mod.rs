@@ -2,7 +2,9 @@
 
 pub(crate) mod build;
 pub(crate) mod doctor;
+pub(crate) mod ranges;
 pub(crate) mod run;
+pub(crate) mod tune;
 
 pub(crate) mod compare;
 mod corners;

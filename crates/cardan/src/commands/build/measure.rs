@@ -27,33 +27,33 @@ const INTERRUPT_ENABLE: u8 = 0x80;
 
 /// What an image needs.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Measured {
+pub(crate) struct Measured {
     /// Program memory: code, constants and initial values.
-    pub(super) flash_bytes: usize,
+    pub(crate) flash_bytes: usize,
     /// Program memory of the chip.
-    pub(super) flash_size: usize,
+    pub(crate) flash_size: usize,
     /// Static data; `null` if the image does not tell.
-    pub(super) ram_bytes: Option<u32>,
+    pub(crate) ram_bytes: Option<u32>,
     /// SRAM of the chip.
-    pub(super) ram_size: u16,
+    pub(crate) ram_size: u16,
     /// Stack at its deepest.
-    pub(super) stack_bytes: u16,
+    pub(crate) stack_bytes: u16,
     /// From the first cycle of the entry to the last of RETI.
-    pub(super) sample_interrupt_cycles: Option<Spread>,
+    pub(crate) sample_interrupt_cycles: Option<Spread>,
     /// From the solving pin's rise to its fall, interrupts included.
-    pub(super) solution_cycles: Option<Spread>,
+    pub(crate) solution_cycles: Option<Spread>,
     /// The same without interrupts.
-    pub(super) solution_own_cycles: Option<Spread>,
+    pub(crate) solution_own_cycles: Option<Spread>,
     /// Share of the time in which the processor does not sleep.
-    pub(super) cpu_load: f64,
+    pub(crate) cpu_load: f64,
 }
 
 /// Largest and mean of a number of spans.
 #[derive(Clone, Copy, Debug, Default, Serialize)]
-pub(super) struct Spread {
-    pub(super) max: u64,
-    pub(super) mean: f64,
-    pub(super) count: u64,
+pub(crate) struct Spread {
+    pub(crate) max: u64,
+    pub(crate) mean: f64,
+    pub(crate) count: u64,
     #[serde(skip)]
     sum: u64,
 }
@@ -72,7 +72,7 @@ impl Spread {
 }
 
 /// Runs the image from the bytes of file `name`.
-pub(super) fn measure(name: &str, elf: &[u8]) -> Result<Measured, Failure> {
+pub(crate) fn measure(name: &str, elf: &[u8]) -> Result<Measured, Failure> {
     let image = Image::parse(name, elf, &ATMEGA328P).map_err(Failure::input)?;
     let mut machine = Machine::new(&ATMEGA328P, CPU_HZ);
     machine.load(&image);

@@ -1,0 +1,140 @@
+//! The attitude as a problem for tuning: recorded runs, their golden references, what budgets name.
+
+use cardan_firmware::nodes::{NODES, Pitch, Roll, Yaw};
+use cardan_golden::{Angles, rotation_angle, set_1_matrix};
+use cardan_spec::nodes::SHARED;
+use cardan_spec::timing::{CONVERSIONS_PER_SOLUTION, WARM_UP_SOLUTIONS};
+use cardan_spec::{CHANNELS, flags};
+use cardan_tune::{Case, Combined, Problem, Quantity};
+use cardan_units::{AdcCode, HalfTurns};
+
+use super::{AttitudeDatapath, golden, words_of};
+use crate::app::{Feed, RecordedRun};
+use crate::engine::{Engine, Sink, SinkError, Truth};
+
+/// Yaw, pitch and roll as nodes.
+const OUTPUTS: [(&str, usize); 3] = [
+    ("yaw", index::<Yaw>()),
+    ("pitch", index::<Pitch>()),
+    ("roll", index::<Roll>()),
+];
+
+const fn index<N: cardan_datapath::Node>() -> usize {
+    N::INDEX
+}
+
+/// Degrees per half turn.
+const DEGREES: f64 = 180.0;
+
+pub(super) fn problem(tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Result<Problem, String> {
+    let quantity = |(name, node): (&str, usize)| Quantity {
+        name: name.to_owned(),
+        node,
+        scale: DEGREES,
+        period: Some(2.0),
+    };
+    let cases = |runs: &[RecordedRun]| runs.iter().map(case).collect::<Result<Vec<_>, _>>();
+    Ok(Problem {
+        name: "attitude".to_owned(),
+        nodes: NODES.to_vec(),
+        domain_flag: flags::DOMAIN,
+        quantities: OUTPUTS.map(quantity).to_vec(),
+        combined: vec![Combined {
+            name: "attitude".to_owned(),
+            error: rotation_error,
+        }],
+        tuning: cases(tuning)?,
+        held_out: cases(held_out)?,
+    })
+}
+
+/// The angle of the rotation between two attitudes, in degrees: the total error of a comparison.
+fn rotation_error(values: &[f64], references: &[f64]) -> f64 {
+    let angles = |all: &[f64]| Angles {
+        yaw: HalfTurns(all[0]),
+        pitch: HalfTurns(all[1]),
+        roll: HalfTurns(all[2]),
+    };
+    let (value, reference) = (angles(values), angles(references));
+    if value == reference {
+        return 0.0;
+    }
+    rotation_angle(&set_1_matrix(value), &set_1_matrix(reference)).degrees()
+}
+
+fn case(run: &RecordedRun) -> Result<Case, String> {
+    let settled = WARM_UP_SOLUTIONS * CONVERSIONS_PER_SOLUTION;
+    let conversions = run.conversions.get(settled..).unwrap_or_default();
+    let steps: Vec<Vec<i32>> = conversions
+        .chunks_exact(CONVERSIONS_PER_SOLUTION)
+        .map(|solution| solution.iter().map(|c| i32::from(c.code)).collect())
+        .collect();
+    let words = words_of(&run.configuration);
+    let recorded = Case::record(&run.name, &AttitudeDatapath { words }, &steps);
+    let mut case = recorded.map_err(|error| format!("{}: {error}", run.name))?;
+    let (lowest, highest) = (AdcCode(0).bipolar(), AdcCode(1023).bipolar());
+    case.ports = vec![(lowest.into(), highest.into()); case.ports.len()];
+    case.channels = CHANNELS;
+    case.references = golden_angles(run)?;
+    case.truths = true_angles(&run.truths, steps.len());
+    for series in &case.references {
+        if series.len() < steps.len() {
+            return Err(format!(
+                "{}: the golden model gave {} of {} solutions",
+                run.name,
+                series.len(),
+                steps.len()
+            ));
+        }
+    }
+    Ok(case)
+}
+
+/// Keeps yaw, pitch and roll of the golden model.
+struct Kept {
+    shared: [usize; 3],
+    values: Vec<Vec<f64>>,
+}
+
+impl Sink for Kept {
+    fn real(&mut self, node: usize, value: f64, _: u64) -> Result<(), SinkError> {
+        if let Some(at) = self.shared.iter().position(|&index| index == node) {
+            self.values[at].push(value);
+        }
+        Ok(())
+    }
+}
+
+fn golden_angles(run: &RecordedRun) -> Result<Vec<Vec<f64>>, String> {
+    let calibration = super::calibration_of(&words_of(&run.configuration));
+    let mut engine = golden::GoldenEngine::new(&calibration, Feed::Codes);
+    let shared = |(name, _): (&str, usize)| {
+        let found = SHARED.iter().position(|node| node.name == name);
+        found.unwrap_or(usize::MAX)
+    };
+    let mut kept = Kept {
+        shared: OUTPUTS.map(shared),
+        values: vec![Vec::new(); OUTPUTS.len()],
+    };
+    let mut feed = run.conversions.iter().copied().map(Ok);
+    engine
+        .run(&mut feed, &mut kept)
+        .map_err(|error| error.to_string())?;
+    Ok(kept.values)
+}
+
+/// Per angle, per solution; empty without any reference.
+fn true_angles(truths: &[Truth], solutions: usize) -> Vec<Vec<f64>> {
+    let known = |truth: &Truth| truth.yaw_pitch_roll_rad.is_some();
+    if truths.len() < solutions || !truths.iter().any(known) {
+        return Vec::new();
+    }
+    let angle = |at: usize| {
+        let value = |truth: &Truth| {
+            let angles = truth.yaw_pitch_roll_rad;
+            angles.map_or(f64::NAN, |angles| HalfTurns::from_radians(angles[at]).0)
+        };
+        truths[..solutions].iter().map(value).collect()
+    };
+    (0..OUTPUTS.len()).map(angle).collect()
+}

@@ -1,0 +1,321 @@
+//! `tune`: the word lengths that meet a budget at the least cost.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use cardan_tune::cost::Coefficients;
+use cardan_tune::{
+    Cost, Method, Options, Outcome, Progress, TuneError, output as written, page, tune,
+};
+use clap::{Args, ValueEnum};
+use serde::Serialize;
+
+use crate::failure::{Done, Failure, code};
+use crate::output::Output;
+use crate::recording;
+use crate::run_options::{RunOptions, Setup};
+
+mod table;
+mod target;
+
+/// Finds the word lengths that meet a budget at the least cost.
+///
+/// Budgets: attitude.rms<=0.05 (also yaw, pitch, roll; rms, p99, max; degrees against the golden
+/// model on the same codes), truth.yaw.rms<=1.5 (against the truth), sqnr(NODE)>=60dB, lsb(NODE)<=2,
+/// overflow==0, flags<=0.01 (share of solutions with other status bits), cycles<=N, flash<=N. All
+/// that are given must hold. If none can: exit code 1, with the closest point.
+#[derive(Args)]
+pub(crate) struct Arguments {
+    #[command(flatten)]
+    run: RunOptions,
+    /// What must be met; may be given several times
+    #[arg(long, value_name = "EXPR", required = true, num_args = 1..)]
+    budget: Vec<String>,
+    /// What is to be small
+    #[arg(long, value_enum, default_value_t = CostName::Bits)]
+    cost: CostName,
+    /// Coefficients of the area and cycle estimates instead of the bundled ones (TOML)
+    #[arg(long, value_name = "FILE")]
+    coefficients: Option<PathBuf>,
+    /// How to search
+    #[arg(long, value_enum, default_value_t = MethodName::Sensitivity)]
+    method: MethodName,
+    /// Node that keeps its deployed format; may be given several times
+    #[arg(long, value_name = "NODE")]
+    lock: Vec<String>,
+    /// Nodes that share a word length, separated by commas; may be given several times
+    #[arg(long, value_name = "NODE,NODE...")]
+    couple: Vec<String>,
+    /// Allowed word lengths, separated by commas [default: all up to 32; 8,16,32 for cycles]
+    #[arg(long, value_name = "N,N...", value_delimiter = ',')]
+    widths: Vec<u32>,
+    /// Bits above the simulated range, where the derived range does not prove fewer
+    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=16))]
+    guard_bits: u32,
+    /// Most candidates to simulate
+    #[arg(long, value_name = "N")]
+    evaluations: Option<u64>,
+    /// Most seconds to search; the result then depends on the machine's speed
+    #[arg(long, value_name = "S")]
+    time: Option<f64>,
+    /// Most candidates without a better one
+    #[arg(long, value_name = "N")]
+    patience: Option<u64>,
+    /// Threads [default: all cores]; the result does not depend on them
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    threads: Option<u16>,
+    /// File that keeps every evaluation; an interrupted search goes on from it
+    #[arg(long, value_name = "FILE")]
+    journal: Option<PathBuf>,
+    /// Further scenario to verify on [default: static]; may be given several times
+    #[arg(long, value_name = "NAME|FILE")]
+    held_out: Vec<String>,
+    /// Write the word lengths there
+    #[arg(long, value_name = "FILE")]
+    out: Option<PathBuf>,
+    /// Write front.csv, tune.json and tune.html into this folder
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
+    /// Write the word lengths into the firmware, rebuild it and compare it in the emulator
+    #[arg(long)]
+    apply: bool,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum CostName {
+    /// Sum of the word lengths
+    Bits,
+    /// Estimated silicon area
+    Area,
+    /// Controller cycles: estimated in the search, measured for the result
+    Cycles,
+}
+
+#[derive(Clone, Copy, ValueEnum)]
+enum MethodName {
+    /// Noise model, repaired by simulation, then descent and exchanges
+    Sensitivity,
+    /// Greedy from the best uniform width down
+    #[value(name = "max-1")]
+    MaxMinusOne,
+    /// Greedy from each node's least width up
+    #[value(name = "min+1")]
+    MinPlusOne,
+    /// Every combination
+    Exhaustive,
+    /// One width for all nodes
+    Uniform,
+}
+
+#[derive(Serialize)]
+struct Document<'a> {
+    app: &'a str,
+    scenario: &'a str,
+    seed: u64,
+    budget: &'a [String],
+    #[serde(flatten)]
+    outcome: &'a Outcome,
+    /// The verdict of the rebuilt firmware, with `--apply`.
+    applied: Option<cardan_compare::Verdict>,
+}
+
+/// Runs the command.
+pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
+    let setup = arguments.run.resolve()?;
+    if setup.formats.is_some() {
+        return Err(Failure::input(
+            "--wordlengths: tune starts from the firmware's own formats; leave the option out",
+        ));
+    }
+    let options = options(arguments, &setup)?;
+    output.note("recording the scenario and those to verify on");
+    let held_out = if arguments.held_out.is_empty() {
+        vec!["static".to_owned()]
+    } else {
+        arguments.held_out.clone()
+    };
+    let problem = recording::problem(&setup, &held_out)?;
+    let mut shown = Shown::new(output);
+    let app = setup.app;
+    let measure =
+        move |formats: &[cardan_datapath::Format]| target::on_target(app, formats, output);
+    let outcome = tune(&problem, &options, Some(&measure), &mut |progress| {
+        shown.show(progress);
+    })
+    .map_err(|error| failure(&error))?;
+    shown.end();
+    for warning in &outcome.warnings {
+        output.note(&format!("warning: {warning}"));
+    }
+    let mut document = Document {
+        app: setup.app.name(),
+        scenario: &setup.scenario.name,
+        seed: setup.seed,
+        budget: &arguments.budget,
+        outcome: &outcome,
+        applied: None,
+    };
+    write(arguments, &document, &problem.nodes, output)?;
+    let mut passes = outcome.feasible;
+    if arguments.apply && outcome.feasible {
+        let text = written::wordlengths(&outcome, &problem.nodes, &command_line(arguments));
+        let report = target::apply(&arguments.run, &text, output)?;
+        // Bundled tolerances are those of the formats before; what must hold is that the compiled
+        // code does the same as the tuned model.
+        passes = target::is_bit_equal(&report);
+        document.applied = Some(report.verdict);
+        output.note(&target::told(&report));
+    } else if arguments.apply {
+        output.note("--apply: nothing was written, since the budget is not met");
+    }
+    if output.is_json() {
+        output.document(&document);
+    }
+    output.result(&table::render(&outcome));
+    Ok(ExitCode::from(if passes { code::PASS } else { code::FAIL }))
+}
+
+fn failure(error: &TuneError) -> Failure {
+    Failure::input(error)
+}
+
+fn options(arguments: &Arguments, setup: &Setup) -> Result<Options, Failure> {
+    let coefficients = || -> Result<Box<Coefficients>, Failure> {
+        let read = match &arguments.coefficients {
+            None => Coefficients::bundled(),
+            Some(file) => {
+                let name = file.display().to_string();
+                std::fs::read_to_string(file)
+                    .map_err(|error| format!("{name}: cannot be read: {error}"))
+                    .and_then(|text| Coefficients::parse(&text, &name))
+            }
+        };
+        read.map(Box::new).map_err(Failure::input)
+    };
+    if let Some(seconds) = arguments.time
+        && !(seconds.is_finite() && seconds > 0.0)
+    {
+        return Err(Failure::input(format!(
+            "--time {seconds}: expected a number of seconds above 0"
+        )));
+    }
+    let couple = |list: &String| list.split(',').map(|name| name.trim().to_owned()).collect();
+    let default = Options::new(arguments.budget.iter().cloned());
+    Ok(Options {
+        cost: match arguments.cost {
+            CostName::Bits => Cost::Bits,
+            CostName::Area => Cost::Area(coefficients()?),
+            CostName::Cycles => Cost::Cycles(coefficients()?),
+        },
+        method: match arguments.method {
+            MethodName::Sensitivity => Method::Sensitivity,
+            MethodName::MaxMinusOne => Method::MaxMinusOne,
+            MethodName::MinPlusOne => Method::MinPlusOne,
+            MethodName::Exhaustive => Method::Exhaustive,
+            MethodName::Uniform => Method::Uniform,
+        },
+        seed: setup.seed,
+        threads: arguments.threads.map_or(default.threads, usize::from),
+        guard_bits: arguments.guard_bits,
+        locked: arguments.lock.clone(),
+        coupled: arguments.couple.iter().map(couple).collect(),
+        widths: arguments.widths.clone(),
+        evaluations: arguments.evaluations,
+        seconds: arguments.time,
+        patience: arguments.patience,
+        journal: arguments.journal.clone(),
+        ..default
+    })
+}
+
+/// Progress on a terminal.
+struct Shown {
+    is_on: bool,
+    last: Option<std::time::Instant>,
+}
+
+impl Shown {
+    fn new(output: Output) -> Self {
+        use std::io::IsTerminal;
+        Self {
+            is_on: !output.is_quiet() && std::io::stderr().is_terminal(),
+            last: None,
+        }
+    }
+
+    fn show(&mut self, progress: Progress) {
+        const EVERY_MS: u128 = 200;
+        let is_due = self
+            .last
+            .is_none_or(|last| last.elapsed().as_millis() >= EVERY_MS);
+        if self.is_on && is_due {
+            self.last = Some(std::time::Instant::now());
+            let best = progress
+                .best
+                .map_or("-".to_owned(), |best| format!("{best:.0}"));
+            eprint!(
+                "\r{}: {} candidates, best {best}   ",
+                progress.stage, progress.evaluations
+            );
+        }
+    }
+
+    fn end(&self) {
+        if self.last.is_some() {
+            eprintln!();
+        }
+    }
+}
+
+fn write(
+    arguments: &Arguments,
+    document: &Document<'_>,
+    nodes: &[cardan_datapath::NodeInfo],
+    output: Output,
+) -> Result<(), Failure> {
+    let put = |file: &Path, text: &str| {
+        std::fs::write(file, text).map_err(|error| {
+            Failure::input(format!("{}: cannot be written: {error}", file.display()))
+        })?;
+        output.note(&format!("written: {}", file.display()));
+        Ok::<_, Failure>(())
+    };
+    let command = command_line(arguments);
+    if let Some(file) = &arguments.out {
+        put(
+            file,
+            &written::wordlengths(document.outcome, nodes, &command),
+        )?;
+    }
+    if let Some(folder) = &arguments.report {
+        std::fs::create_dir_all(folder).map_err(|error| {
+            let shown = folder.display();
+            Failure::input(format!("--report {shown}: cannot be made: {error}"))
+        })?;
+        put(
+            &folder.join("front.csv"),
+            &written::front_csv(document.outcome),
+        )?;
+        let text = serde_json::to_string_pretty(document).map_err(Failure::participant)?;
+        put(&folder.join("tune.json"), &text)?;
+        let title = format!("{}: word lengths", document.app);
+        put(
+            &folder.join("tune.html"),
+            &page(document.outcome, &title, &command),
+        )?;
+    }
+    Ok(())
+}
+
+/// The command that finds the same again.
+fn command_line(arguments: &Arguments) -> String {
+    let mut line = "cardan tune".to_owned();
+    for argument in arguments.run.arguments() {
+        line.push(' ');
+        line.push_str(&argument.to_string_lossy());
+    }
+    for budget in &arguments.budget {
+        line.push_str(&format!(" --budget '{budget}'"));
+    }
+    line
+}

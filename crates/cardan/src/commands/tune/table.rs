@@ -1,0 +1,106 @@
+//! The result of a search for people.
+
+use std::fmt::Write as _;
+
+use cardan_tune::{Candidate, Outcome};
+
+/// Nodes that are listed by their share of the error.
+const LISTED: usize = 10;
+
+pub(super) fn render(outcome: &Outcome) -> String {
+    let mut out = String::new();
+    let _ = writeln!(
+        out,
+        "{:<20} {:>6} {:>7} {:>10} {:>12}",
+        "", "bits", "saved", "cycles", "error"
+    );
+    row(&mut out, &outcome.baseline, outcome.baseline.bits);
+    if let Some(uniform) = &outcome.best_uniform {
+        row(&mut out, uniform, outcome.baseline.bits);
+    }
+    row(&mut out, &outcome.best, outcome.baseline.bits);
+    if let Some(uniform) = &outcome.best_uniform {
+        let saved = 100.0 * (1.0 - outcome.best.bits as f64 / uniform.bits as f64);
+        let _ = writeln!(
+            out,
+            "{saved:.1} % fewer bits than the best uniform word length"
+        );
+    }
+    for reached in &outcome.best.reached {
+        let value = reached
+            .value
+            .map_or("-".to_owned(), |value| format!("{value:.4e}"));
+        let _ = writeln!(out, "  {:<28} {value}", reached.constraint);
+    }
+    shares(&mut out, outcome);
+    for point in &outcome.pareto {
+        let error = point
+            .error
+            .map_or("-".to_owned(), |error| format!("{error:.3e}"));
+        let _ = writeln!(
+            out,
+            "  limits x {:<5} {:>6} bits  error {error}",
+            point.limit_factor, point.bits
+        );
+    }
+    for case in outcome.verification.iter().filter(|case| case.held_out) {
+        let over = case
+            .over_tuning
+            .map_or("-".to_owned(), |over| format!("{over:.2}"));
+        let verdict = if case.pass {
+            "within the budget"
+        } else {
+            "MISSES the budget"
+        };
+        let _ = writeln!(
+            out,
+            "held out, {}: {verdict}, {over} times the error tuned on",
+            case.case
+        );
+    }
+    let _ = match &outcome.binding {
+        None => write!(
+            out,
+            "budget met after {} candidates in {:.1} s",
+            outcome.evaluations, outcome.seconds
+        ),
+        Some(binding) => write!(
+            out,
+            "budget NOT met: {binding} is missed even by the closest point above ({} candidates, {:.1} s)",
+            outcome.evaluations, outcome.seconds
+        ),
+    };
+    out
+}
+
+fn row(out: &mut String, candidate: &Candidate, baseline: u64) {
+    let saved = 100.0 * (1.0 - candidate.bits as f64 / baseline as f64);
+    let cycles = match (candidate.cycles, candidate.cycles_estimated) {
+        (Some(cycles), _) => format!("{cycles:.0}"),
+        (None, Some(estimated)) => format!("~{estimated:.0}"),
+        (None, None) => "-".to_owned(),
+    };
+    let error = candidate
+        .error
+        .map_or("-".to_owned(), |error| format!("{error:.4e}"));
+    let _ = writeln!(
+        out,
+        "{:<20} {:>6} {saved:>6.1}% {cycles:>10} {error:>12}",
+        candidate.name, candidate.bits
+    );
+}
+
+fn shares(out: &mut String, outcome: &Outcome) {
+    let mut shares: Vec<_> = outcome.sensitivities.iter().collect();
+    shares.sort_by(|a, b| b.share.total_cmp(&a.share));
+    let _ = writeln!(out, "largest shares of the rounding error (noise model):");
+    for noise in shares.iter().take(LISTED) {
+        let _ = writeln!(
+            out,
+            "  {:<19} {:>5.1} % of {}",
+            noise.node,
+            noise.share * 100.0,
+            noise.quantity
+        );
+    }
+}

@@ -1,0 +1,88 @@
+//! Candidates on the target: built, measured in the emulator, and put into the firmware.
+
+use std::path::PathBuf;
+
+use cardan_bench::App;
+use cardan_compare::{Report, Verdict, compare};
+use cardan_datapath::Format;
+use cardan_tune::OnTarget;
+
+use crate::commands::build::measure::measure;
+use crate::failure::Failure;
+use crate::output::Output;
+use crate::run_options::RunOptions;
+use crate::toolchain::{self, BOARDS};
+
+/// Builds the plain image in `formats` and measures it.
+pub(super) fn on_target(
+    app: &'static dyn App,
+    formats: &[Format],
+    output: Output,
+) -> Result<OnTarget, String> {
+    output.note("building a candidate for the target");
+    let declared = toolchain::declared(app.nodes(), formats);
+    let built = toolchain::build_board(&BOARDS[0], false, Some(&declared), true)
+        .map_err(|failure| failure.to_string())?;
+    let measured = measure(&built.file.display().to_string(), &built.elf)
+        .map_err(|failure| failure.to_string())?;
+    let cycles = measured
+        .solution_own_cycles
+        .or(measured.solution_cycles)
+        .ok_or("the candidate computed no solution in the emulator")?;
+    Ok(OnTarget {
+        cycles: cycles.mean,
+        flash: measured.flash_bytes as f64,
+        ram: measured.ram_bytes.map_or(f64::NAN, f64::from),
+    })
+}
+
+/// Writes the word lengths into the firmware, rebuilds it, and compares it in the emulator with the
+/// golden model. The old file is put back if the new one cannot be built or run.
+pub(super) fn apply(run: &RunOptions, text: &str, output: Output) -> Result<Report, Failure> {
+    let file: PathBuf = toolchain::workspace()?.join("firmware/wordlengths.toml");
+    let shown = file.display().to_string();
+    let failed =
+        |what: &str, error: std::io::Error| Failure::input(format!("{shown}: {what}: {error}"));
+    let before = std::fs::read(&file).map_err(|error| failed("cannot be read", error))?;
+    std::fs::write(&file, text).map_err(|error| failed("cannot be written", error))?;
+    output.note(&format!("written: {shown}; building and comparing"));
+    let run = RunOptions {
+        wordlengths: Some(file.clone()),
+        ..run.clone()
+    };
+    match crate::commands::compare::comparison(&run) {
+        Ok(comparison) => Ok(compare(&comparison)),
+        Err(failure) => {
+            std::fs::write(&file, before).map_err(|error| failed("cannot be restored", error))?;
+            output.note(&format!("{shown}: restored"));
+            Err(failure)
+        }
+    }
+}
+
+/// The rebuilt firmware, emulated, did the same as the tuned model in every node.
+pub(super) fn is_bit_equal(report: &Report) -> bool {
+    let equal = |node: &cardan_compare::NodeReport| {
+        let bits = node.native_vs_emulated.as_ref();
+        bits.is_some_and(|bits| bits.compared > 0 && bits.mismatches == 0)
+    };
+    !report.nodes.is_empty() && report.nodes.iter().all(equal)
+}
+
+/// The verdict of the rebuilt firmware in words.
+pub(super) fn told(report: &Report) -> String {
+    let bits = if is_bit_equal(report) {
+        "emulated and native are equal in every bit of every node"
+    } else {
+        "emulated and native DIFFER"
+    };
+    let verdict = match report.verdict {
+        Verdict::Pass => "the comparison passes".to_owned(),
+        Verdict::Fail => format!(
+            "the comparison does not pass ({} reasons; the bundled tolerances are those of the formats \
+             before)",
+            report.reasons.len()
+        ),
+    };
+    format!("applied: {bits}; {verdict}")
+}

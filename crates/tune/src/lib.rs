@@ -1,0 +1,36 @@
+//! Word lengths: ranges, sensitivities, budgets, search, Pareto front, cost models.
+//!
+//! A [`Problem`] is an algorithm recorded as a tape on some inputs, with what its outputs should be.
+//! [`ranges()`] tells what values its nodes take, simulated and derived. [`tune()`] finds the formats
+//! that meet a [`budget`] at the least [`cost`]; every trial is a run of the recorded tape on all
+//! inputs, bit for bit what the deployed arithmetic would compute. The crate knows no application:
+//! the attitude sensor is handed in by `cardan-bench`, a user's own algorithm by the user.
+
+pub mod budget;
+mod catalogue;
+pub mod cost;
+mod evaluate;
+mod noise;
+mod outcome;
+pub mod output;
+mod page;
+mod pool;
+mod problem;
+mod ranges;
+mod search;
+mod space;
+mod tune;
+mod witness;
+
+pub use budget::{Budget, BudgetError, Constraint};
+pub use cost::Cost;
+pub use evaluate::Score;
+pub use noise::{NodeNoise, sensitivities};
+pub use outcome::{Candidate, NamedFormats, OnTarget, Outcome, Point, Reached, Verification};
+pub use page::page;
+pub use problem::{Case, Combined, Problem, Quantity};
+pub use ranges::{NodeRange, Ranges, ranges};
+pub use search::{JournalError, Method};
+pub use space::SpaceError;
+pub use tune::{OnTargetFn, Options, Progress, TuneError, tune};
+pub use witness::Witness;

@@ -1,0 +1,161 @@
+//! What a search found, as it is reported.
+
+use cardan_datapath::{Format, NodeInfo};
+use serde::ser::SerializeMap;
+use serde::{Serialize, Serializer};
+
+use crate::noise::NodeNoise;
+use crate::ranges::NodeRange;
+
+/// A value against its limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Reached {
+    /// The budget expression.
+    pub constraint: String,
+    /// What was reached; none where it could not be measured.
+    pub value: Option<f64>,
+    /// How far it stretches the limit: up to 1 is within.
+    pub ratio: Option<f64>,
+}
+
+/// Formats by node name, in the order of the nodes.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct NamedFormats(pub Vec<(String, Format)>);
+
+impl NamedFormats {
+    pub(crate) fn new(nodes: &[NodeInfo], formats: &[Format]) -> Self {
+        let named = nodes.iter().zip(formats);
+        Self(
+            named
+                .map(|(node, &format)| (node.name.to_owned(), format))
+                .collect(),
+        )
+    }
+}
+
+#[derive(Serialize)]
+struct FormatDocument {
+    word: u32,
+    frac: u32,
+    rounding: &'static str,
+    overflow: &'static str,
+}
+
+impl Serialize for NamedFormats {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        for (name, format) in &self.0 {
+            let document = FormatDocument {
+                word: format.word,
+                frac: format.frac,
+                rounding: format.rounding.name(),
+                overflow: format.overflow.name(),
+            };
+            map.serialize_entry(name, &document)?;
+        }
+        map.end()
+    }
+}
+
+/// What the target takes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct OnTarget {
+    /// Cycles of a solution, mean.
+    pub cycles: f64,
+    /// Flash in bytes.
+    pub flash: f64,
+    /// Static RAM in bytes.
+    pub ram: f64,
+}
+
+/// A candidate.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Candidate {
+    /// What it is.
+    pub name: String,
+    /// Sum of the word lengths.
+    pub bits: u64,
+    /// Cycles of a solution: measured on the target, none where it was not.
+    pub cycles: Option<f64>,
+    /// The cycle model's estimate.
+    pub cycles_estimated: Option<f64>,
+    /// Flash, measured.
+    pub flash: Option<f64>,
+    /// Static RAM, measured.
+    pub ram: Option<f64>,
+    /// Estimated silicon area in gate equivalents.
+    pub area: Option<f64>,
+    /// The first error of the budget.
+    pub error: Option<f64>,
+    /// Every figure of the budget.
+    pub reached: Vec<Reached>,
+    /// The formats.
+    pub formats: NamedFormats,
+}
+
+/// A point of the Pareto front.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Point {
+    /// The budget's limits were taken times this.
+    pub limit_factor: f64,
+    /// Sum of the word lengths.
+    pub bits: u64,
+    /// Cost in the search's own measure.
+    pub cost: f64,
+    /// The first error of the budget.
+    pub error: Option<f64>,
+    /// The formats.
+    pub formats: NamedFormats,
+}
+
+/// The best candidate on one case.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Verification {
+    /// The case.
+    pub case: String,
+    /// It was not tuned on.
+    pub held_out: bool,
+    /// Every figure of the budget.
+    pub reached: Vec<Reached>,
+    /// Every limit is met.
+    pub pass: bool,
+    /// The largest stretch over that of the tuning cases: above 1 is what tuning overfitted.
+    pub over_tuning: Option<f64>,
+}
+
+/// What a search found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Outcome {
+    /// The budget is met on the tuning cases.
+    pub feasible: bool,
+    /// And on the held-out cases.
+    pub verified: bool,
+    /// The constraint that stretches most, where the budget is not met.
+    pub binding: Option<String>,
+    /// Method.
+    pub method: &'static str,
+    /// Cost model.
+    pub cost: &'static str,
+    /// Candidates simulated.
+    pub evaluations: u64,
+    /// Host seconds.
+    pub seconds: f64,
+    /// Every node 32 bit.
+    pub baseline: Candidate,
+    /// The best uniform word length that meets the budget.
+    pub best_uniform: Option<Candidate>,
+    /// The result; the closest point where nothing meets the budget.
+    pub best: Candidate,
+    /// Cost against error.
+    pub pareto: Vec<Point>,
+    /// Candidates that were built and measured, with the model's estimates.
+    pub measured: Vec<Candidate>,
+    /// The result on every case.
+    pub verification: Vec<Verification>,
+    /// The noise model at the result.
+    pub sensitivities: Vec<NodeNoise>,
+    /// Ranges of the nodes.
+    pub ranges: Vec<NodeRange>,
+    /// What the user should know.
+    pub warnings: Vec<String>,
+}

@@ -1,0 +1,71 @@
+//! The search for the cheapest choice that meets the budget.
+
+mod context;
+mod exchange;
+mod exhaustive;
+mod greedy;
+mod journal;
+mod model;
+
+use serde::Serialize;
+
+pub(crate) use context::{Context, Limits};
+pub(crate) use journal::Journal;
+pub use journal::JournalError;
+
+use crate::space::{Levels, SpaceError};
+use model::Model;
+
+/// How to search.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum Method {
+    /// A start from the noise model, repaired by simulation, then local descent and exchanges.
+    #[default]
+    Sensitivity,
+    /// From the best uniform width down, each time the node that harms least per cost saved.
+    MaxMinusOne,
+    /// From each node's own least width up, each time the node that helps most per cost.
+    MinPlusOne,
+    /// Every combination in order of cost.
+    Exhaustive,
+    /// One width for all nodes.
+    Uniform,
+}
+
+impl Method {
+    /// All methods with their names.
+    pub const ALL: [(Self, &'static str); 5] = [
+        (Self::Sensitivity, "sensitivity"),
+        (Self::MaxMinusOne, "max-1"),
+        (Self::MinPlusOne, "min+1"),
+        (Self::Exhaustive, "exhaustive"),
+        (Self::Uniform, "uniform"),
+    ];
+}
+
+/// Searches; the best choice stands in the context afterwards. `start` is a feasible choice, if one
+/// is known.
+pub(crate) fn search(
+    method: Method,
+    context: &mut Context<'_, '_>,
+    start: Option<&Levels>,
+    seed: u64,
+) -> Result<(), SpaceError> {
+    match method {
+        Method::Sensitivity => {
+            let mut model = Model::new(context, seed);
+            model::run(context, &mut model, start);
+        }
+        Method::MaxMinusOne => greedy::down(context, start),
+        Method::MinPlusOne => greedy::up(context),
+        Method::Exhaustive => exhaustive::run(context)?,
+        Method::Uniform => {}
+    }
+    Ok(())
+}
+
+/// Searches near `start`, a good choice for limits that are 2^bits times wider.
+pub(crate) fn search_near(context: &mut Context<'_, '_>, start: &Levels, bits: i32, seed: u64) {
+    model::shifted(context, start, bits, seed);
+}

@@ -1,0 +1,227 @@
+//! What may be chosen: groups of nodes that share a word length, and the lengths they may take.
+
+use cardan_datapath::wordlengths::container_bits;
+use cardan_datapath::{Format, Rounding};
+use cardan_numerics::trial::deployable;
+
+use crate::catalogue::mend;
+use crate::problem::Problem;
+use crate::ranges::Ranges;
+
+/// Longest word of a deployed format on the reference controller.
+pub(crate) const LONGEST: u32 = 32;
+
+/// Nodes with one word length.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Group {
+    pub(crate) nodes: Vec<usize>,
+    /// Lengths it may take, ascending.
+    pub(crate) widths: Vec<u32>,
+}
+
+/// All choices.
+#[derive(Clone, Debug)]
+pub(crate) struct Space {
+    pub(crate) groups: Vec<Group>,
+    /// Formats of locked nodes, and rounding and overflow of all.
+    template: Vec<Format>,
+    integer: Vec<i32>,
+}
+
+/// A choice: per group an index into its widths.
+pub(crate) type Levels = Vec<u8>;
+
+/// Why locks, couplings or widths were refused.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SpaceError {
+    /// No such node.
+    #[error("{option}: no node '{name}'; {mend}")]
+    UnknownNode {
+        /// The option that names it.
+        option: &'static str,
+        /// The name.
+        name: String,
+        /// What to write instead.
+        mend: String,
+    },
+    /// A length that no word has.
+    #[error("--widths: {width}: expected word lengths from 1 to 32 bits")]
+    Width {
+        /// The length.
+        width: u32,
+    },
+    /// Nothing to choose.
+    #[error("every node is locked: nothing to tune")]
+    AllLocked,
+    /// Too many choices to try all.
+    #[error(
+        "--method exhaustive: {count:.0} combinations; at most {most} can be tried: lock or couple nodes, or give --widths"
+    )]
+    TooLarge {
+        /// Combinations.
+        count: f64,
+        /// The limit.
+        most: u64,
+    },
+}
+
+/// Restrictions as the user gives them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(crate) struct Restrictions {
+    /// Nodes that keep their deployed formats.
+    pub(crate) locked: Vec<String>,
+    /// Nodes that share a word length, by group.
+    pub(crate) coupled: Vec<Vec<String>>,
+    /// Word lengths that are allowed; all up to 32 bits if none are given.
+    pub(crate) widths: Vec<u32>,
+}
+
+impl Space {
+    pub(crate) fn new(
+        problem: &Problem,
+        ranges: &Ranges,
+        restrictions: &Restrictions,
+    ) -> Result<Self, SpaceError> {
+        let node = |option: &'static str, name: &String| {
+            problem.node(name).ok_or_else(|| SpaceError::UnknownNode {
+                option,
+                name: name.clone(),
+                mend: mend(name, problem.nodes.iter().map(|node| node.name)),
+            })
+        };
+        let mut locked = vec![false; problem.nodes.len()];
+        for name in &restrictions.locked {
+            locked[node("--lock", name)?] = true;
+        }
+        let mut widths = restrictions.widths.clone();
+        widths.sort_unstable();
+        widths.dedup();
+        if let Some(&width) = widths.iter().find(|width| !(1..=LONGEST).contains(*width)) {
+            return Err(SpaceError::Width { width });
+        }
+        if widths.is_empty() {
+            widths = (1..=LONGEST).collect();
+        }
+        let mut group_of: Vec<usize> = (0..problem.nodes.len()).collect();
+        for names in &restrictions.coupled {
+            let members = names
+                .iter()
+                .map(|name| node("--couple", name))
+                .collect::<Result<Vec<_>, _>>()?;
+            for &member in &members {
+                group_of[member] = members[0];
+            }
+        }
+        let integer: Vec<i32> = ranges.nodes.iter().map(|range| range.integer).collect();
+        let mut groups = Vec::new();
+        for leader in 0..problem.nodes.len() {
+            let members = (0..problem.nodes.len()).filter(|&n| group_of[n] == leader && !locked[n]);
+            let nodes: Vec<usize> = members.collect();
+            let Some(least) = nodes
+                .iter()
+                .map(|&n| integer[n].max(1).unsigned_abs())
+                .max()
+            else {
+                continue;
+            };
+            let mut own: Vec<u32> = widths.iter().copied().filter(|&w| w >= least).collect();
+            if own.is_empty() {
+                // The range needs more than any allowed length has: the longest saturates least.
+                own.extend(widths.last());
+            }
+            groups.push(Group { nodes, widths: own });
+        }
+        if groups.is_empty() {
+            return Err(SpaceError::AllLocked);
+        }
+        let template = |(index, info): (usize, &cardan_datapath::NodeInfo)| {
+            if locked[index] {
+                info.format
+            } else {
+                // To nearest costs no bits and never brings a bias; floor is tried at the end.
+                Format {
+                    rounding: Rounding::NearestUp,
+                    ..info.format
+                }
+            }
+        };
+        Ok(Self {
+            groups,
+            template: problem.nodes.iter().enumerate().map(template).collect(),
+            integer,
+        })
+    }
+
+    /// The formats of a choice.
+    pub(crate) fn formats(&self, levels: &[u8]) -> Vec<Format> {
+        let mut formats = self.template.clone();
+        for (group, &level) in self.groups.iter().zip(levels) {
+            for &node in &group.nodes {
+                formats[node] = self.format(node, group.widths[usize::from(level)]);
+            }
+        }
+        formats
+    }
+
+    /// Every free node with the same word length.
+    pub(crate) fn uniform(&self, word: u32) -> Vec<Format> {
+        let mut formats = self.template.clone();
+        for group in &self.groups {
+            for &node in &group.nodes {
+                formats[node] = self.format(node, word);
+            }
+        }
+        formats
+    }
+
+    fn format(&self, node: usize, word: u32) -> Format {
+        let most = container_bits(word).cast_signed();
+        let frac = (word.cast_signed() - self.integer[node]).clamp(0, most);
+        Format {
+            word,
+            frac: frac.unsigned_abs(),
+            ..self.template[node]
+        }
+    }
+
+    /// The level of a group nearest to `frac` fractional bits, not below it where possible.
+    pub(crate) fn level_for(&self, group: usize, frac: f64) -> u8 {
+        let group = &self.groups[group];
+        let integer = group
+            .nodes
+            .iter()
+            .map(|&node| self.integer[node])
+            .max()
+            .unwrap_or(0);
+        let wanted = frac.clamp(-100.0, 100.0).ceil() as i32 + integer;
+        let found = group
+            .widths
+            .iter()
+            .position(|&width| width.cast_signed() >= wanted);
+        found.unwrap_or(group.widths.len() - 1) as u8
+    }
+
+    /// Number of combinations.
+    pub(crate) fn size(&self) -> f64 {
+        self.groups
+            .iter()
+            .map(|group| group.widths.len() as f64)
+            .product()
+    }
+
+    /// The widest choice.
+    pub(crate) fn widest(&self) -> Levels {
+        self.groups
+            .iter()
+            .map(|group| (group.widths.len() - 1) as u8)
+            .collect()
+    }
+}
+
+/// Whether the deployed arithmetic would build every case's algorithm in `formats`.
+pub(crate) fn builds(problem: &Problem, formats: &[Format]) -> bool {
+    problem
+        .tuning
+        .iter()
+        .all(|case| deployable(&case.tape, formats).is_ok())
+}

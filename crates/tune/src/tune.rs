@@ -1,0 +1,637 @@
+//! From a problem and a budget to formats.
+
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use cardan_datapath::{Format, Overflow, Rounding};
+use cardan_numerics::tape::{Interval, bounds};
+
+use crate::budget::{Budget, Constraint, Measure};
+use crate::cost::{Coefficients, Cost, area, bits, cycles};
+use crate::evaluate::{Evaluator, Prepared, Score};
+use crate::noise::sensitivities;
+use crate::outcome::{Candidate, NamedFormats, OnTarget, Outcome, Point, Reached, Verification};
+use crate::pool::Pool;
+use crate::problem::Problem;
+use crate::ranges::{Ranges, ranges};
+use crate::search::{Context, Journal, JournalError, Limits, Method, search, search_near};
+use crate::space::{LONGEST, Levels, Restrictions, Space, SpaceError, builds};
+
+/// Builds formats and measures them on the target.
+pub type OnTargetFn<'a> = dyn Fn(&[Format]) -> Result<OnTarget, String> + 'a;
+
+/// How to tune.
+#[derive(Clone, Debug)]
+pub struct Options {
+    /// What must be met.
+    pub budget: Vec<String>,
+    /// What is to be small.
+    pub cost: Cost,
+    /// How to search.
+    pub method: Method,
+    /// Seed of every random number.
+    pub seed: u64,
+    /// Threads.
+    pub threads: usize,
+    /// Guard bits over simulated ranges that are not proven.
+    pub guard_bits: u32,
+    /// Nodes that keep their formats.
+    pub locked: Vec<String>,
+    /// Nodes that share a word length.
+    pub coupled: Vec<Vec<String>>,
+    /// Allowed word lengths; all if empty.
+    pub widths: Vec<u32>,
+    /// Most candidates to simulate.
+    pub evaluations: Option<u64>,
+    /// Most seconds to search (makes the result depend on the host's speed).
+    pub seconds: Option<f64>,
+    /// Most candidates without a better one.
+    pub patience: Option<u64>,
+    /// Where evaluations are kept for a later continuation.
+    pub journal: Option<PathBuf>,
+    /// Factors on the limits for the Pareto front.
+    pub pareto: Vec<f64>,
+    /// Candidates that are built and measured, where cycles count.
+    pub finalists: usize,
+}
+
+impl Options {
+    /// The default search for a budget.
+    #[must_use]
+    pub fn new<S: Into<String>>(budget: impl IntoIterator<Item = S>) -> Self {
+        Self {
+            budget: budget.into_iter().map(Into::into).collect(),
+            cost: Cost::Bits,
+            method: Method::Sensitivity,
+            seed: 1,
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            guard_bits: 1,
+            locked: Vec::new(),
+            coupled: Vec::new(),
+            widths: Vec::new(),
+            evaluations: None,
+            seconds: None,
+            patience: None,
+            journal: None,
+            pareto: vec![4.0, 2.0, 1.0, 0.5, 0.25],
+            finalists: 3,
+        }
+    }
+}
+
+/// Progress of the search.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Progress {
+    /// What goes on.
+    pub stage: &'static str,
+    /// Candidates simulated in it.
+    pub evaluations: u64,
+    /// Cost of the best one so far.
+    pub best: Option<f64>,
+}
+
+/// Why tuning could not begin.
+#[derive(Debug, thiserror::Error)]
+pub enum TuneError {
+    /// The budget was refused.
+    #[error(transparent)]
+    Budget(#[from] crate::BudgetError),
+    /// Locks, couplings or widths were refused.
+    #[error(transparent)]
+    Space(#[from] SpaceError),
+    /// The journal was refused.
+    #[error(transparent)]
+    Journal(#[from] JournalError),
+    /// The problem has nothing to tune on.
+    #[error("no case to tune on, or none of its steps can be judged: {0}")]
+    NoCase(String),
+    /// The target is needed and not there.
+    #[error("{0}")]
+    Target(String),
+}
+
+/// Tunes the formats of `problem`. `on_target` builds and measures candidates; it is needed where
+/// the budget or the cost speaks of cycles or flash.
+///
+/// # Errors
+/// A budget, lock, width or journal that is refused, nothing to judge, a target that fails.
+pub fn tune(
+    problem: &Problem,
+    options: &Options,
+    on_target: Option<&OnTargetFn<'_>>,
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Outcome, TuneError> {
+    let begin = Instant::now();
+    let budget = Budget::parse(&options.budget, problem)?;
+    let found = ranges(problem, options.guard_bits, 0, options.seed);
+    let restrictions = Restrictions {
+        locked: options.locked.clone(),
+        coupled: options.coupled.clone(),
+        widths: widths(options),
+    };
+    let space = Space::new(problem, &found, &restrictions)?;
+    let prepared = prepare(problem)?;
+    let pool = Pool::new(problem, &budget, &prepared, options.threads);
+    let mut run = Run {
+        problem,
+        options,
+        budget: &budget,
+        space: &space,
+        prepared: &prepared,
+        pool: &pool,
+        on_target,
+        warnings: warnings(&found),
+        evaluations: 0,
+        measured: Vec::new(),
+    };
+    run.tune(&found, begin, progress)
+}
+
+/// Containers alone count on a controller, unless the user says otherwise.
+fn widths(options: &Options) -> Vec<u32> {
+    if options.widths.is_empty() && matches!(options.cost, Cost::Cycles(_)) {
+        vec![8, 16, 32]
+    } else {
+        options.widths.clone()
+    }
+}
+
+fn prepare(problem: &Problem) -> Result<Vec<Prepared<'_>>, TuneError> {
+    let prepared: Vec<Prepared<'_>> = problem
+        .tuning
+        .iter()
+        .map(|case| Prepared::new(problem, case))
+        .collect();
+    for one in &prepared {
+        if !one.judged().contains(&true) {
+            let name = &one.case.name;
+            return Err(TuneError::NoCase(format!(
+                "'{name}' has no solution without status flags and with a known reference"
+            )));
+        }
+    }
+    if prepared.is_empty() {
+        return Err(TuneError::NoCase("the problem has none".into()));
+    }
+    Ok(prepared)
+}
+
+fn warnings(ranges: &Ranges) -> Vec<String> {
+    let unexcited = ranges.nodes.iter().filter(|node| node.unexcited);
+    let value = |node: &crate::NodeRange| node.min.unwrap_or_default();
+    unexcited
+        .map(|node| {
+            format!(
+                "node '{}' took the value {} only: the scenario does not excite it, its range means \
+                 nothing",
+                node.name,
+                value(node)
+            )
+        })
+        .collect()
+}
+
+struct Run<'a> {
+    problem: &'a Problem,
+    options: &'a Options,
+    budget: &'a Budget,
+    space: &'a Space,
+    prepared: &'a [Prepared<'a>],
+    pool: &'a Pool<'a>,
+    on_target: Option<&'a OnTargetFn<'a>>,
+    warnings: Vec<String>,
+    evaluations: u64,
+    measured: Vec<Candidate>,
+}
+
+impl Run<'_> {
+    fn tune(
+        &mut self,
+        ranges: &Ranges,
+        begin: Instant,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<Outcome, TuneError> {
+        let baseline = self.candidate("uniform 32 bit", &self.space.uniform(LONGEST));
+        let uniform = self.best_uniform();
+        let (levels, feasible) = self.search(uniform.as_ref(), progress)?;
+        let mut formats = self.space.formats(&levels);
+        if feasible {
+            self.relax(&mut formats);
+        }
+        let mut best = self.candidate("best", &formats);
+        let mut best_uniform =
+            uniform.map(|(word, formats)| self.candidate(&format!("uniform {word} bit"), &formats));
+        if matches!(self.options.cost, Cost::Cycles(_)) || self.budget.needs_target() {
+            self.measure(&mut best, &formats)?;
+            if let Some(uniform) = &mut best_uniform {
+                let formats: Vec<Format> = uniform.formats.0.iter().map(|(_, f)| *f).collect();
+                if builds(self.problem, &formats) {
+                    self.measure(uniform, &formats)?;
+                }
+            }
+        }
+        let stretched = |reached: &&Reached| reached.ratio.is_none_or(|ratio| ratio > 1.0);
+        let on_target_missed = best
+            .reached
+            .iter()
+            .find(stretched)
+            .map(|r| r.constraint.clone());
+        let feasible = feasible && on_target_missed.is_none();
+        let binding = (!feasible).then(|| worst(&best)).flatten();
+        let pareto = if feasible {
+            self.pareto(&levels, progress)
+        } else {
+            Vec::new()
+        };
+        let verification = self.verify(&formats);
+        let verified = verification.iter().all(|case| case.pass);
+        if feasible && !verified {
+            self.warnings.push(
+                "the result misses the budget on held-out inputs: tune on a longer or richer run, or \
+                 leave a margin in the budget"
+                    .into(),
+            );
+        }
+        Ok(Outcome {
+            feasible,
+            verified: feasible && verified,
+            binding,
+            method: Method::ALL
+                .iter()
+                .find(|(method, _)| *method == self.options.method)
+                .map_or("", |(_, name)| name),
+            cost: self.options.cost.name(),
+            evaluations: self.evaluations,
+            seconds: begin.elapsed().as_secs_f64(),
+            baseline,
+            best_uniform,
+            best,
+            pareto,
+            measured: std::mem::take(&mut self.measured),
+            verification,
+            sensitivities: sensitivities(self.problem, &formats, false, self.options.seed),
+            ranges: ranges.nodes.clone(),
+            warnings: std::mem::take(&mut self.warnings),
+        })
+    }
+
+    fn score(&self, formats: &[Format]) -> Score {
+        let mut scores = self.pool.scores(&[formats.to_vec()], false);
+        // The pool gives one score per candidate.
+        scores.remove(0)
+    }
+
+    fn candidate(&self, name: &str, formats: &[Format]) -> Candidate {
+        let score = self.score(formats);
+        let tape = &self.prepared[0].case.tape;
+        let bundled = Coefficients::bundled().ok();
+        let own = match &self.options.cost {
+            Cost::Area(own) | Cost::Cycles(own) => Some((**own).clone()),
+            Cost::Bits => bundled,
+        };
+        let reached = reached(&self.budget.0, &score.values);
+        let is_error = |c: &&Constraint| matches!(c.measure, Measure::Error(..));
+        let error = self
+            .budget
+            .0
+            .iter()
+            .zip(&score.values)
+            .find(|(c, _)| is_error(c));
+        Candidate {
+            name: name.to_owned(),
+            bits: bits(formats),
+            area: own.as_ref().map(|own| area(&own.area, tape, formats)),
+            cycles_estimated: own.as_ref().map(|own| cycles(&own.cycles, tape, formats)),
+            error: error
+                .map(|(_, value)| *value)
+                .filter(|value| value.is_finite()),
+            reached,
+            formats: NamedFormats::new(&self.problem.nodes, formats),
+            ..Candidate::default()
+        }
+    }
+
+    /// The shortest uniform word length that meets the budget.
+    fn best_uniform(&mut self) -> Option<(u32, Vec<Format>)> {
+        let all: Vec<u32> = if self.options.widths.is_empty() {
+            (1..=LONGEST).collect()
+        } else {
+            let mut widths = self.options.widths.clone();
+            widths.sort_unstable();
+            widths
+        };
+        let batch: Vec<Vec<Format>> = all.iter().map(|&word| self.space.uniform(word)).collect();
+        let scores = self.pool.scores(&batch, true);
+        let mut found = all.into_iter().zip(batch).zip(&scores);
+        found
+            .find(|(_, score)| score.is_feasible())
+            .map(|(found, _)| found)
+    }
+
+    /// Runs the search; the best formats, or the closest, and whether they meet the budget.
+    fn search(
+        &mut self,
+        uniform: Option<&(u32, Vec<Format>)>,
+        progress: &mut dyn FnMut(Progress),
+    ) -> Result<(Levels, bool), TuneError> {
+        let journal = match &self.options.journal {
+            None => None,
+            Some(path) => {
+                let (journal, note) = Journal::open(path, &self.identity())?;
+                self.warnings.extend(note);
+                Some(journal)
+            }
+        };
+        let limits = Limits {
+            evaluations: self.options.evaluations,
+            time: self
+                .options
+                .seconds
+                .and_then(|s| Duration::try_from_secs_f64(s).ok()),
+            patience: self.options.patience,
+        };
+        let mut report = |evaluations: u64, best: Option<f64>| {
+            progress(Progress {
+                stage: "search",
+                evaluations,
+                best,
+            });
+        };
+        let mut context = Context::new(
+            self.problem,
+            self.budget,
+            self.prepared,
+            self.space,
+            &self.options.cost,
+            self.pool,
+            limits,
+            journal,
+            &mut report,
+        );
+        let start = uniform.and_then(|(word, _)| uniform_levels(self.space, *word));
+        if let Some(start) = &start {
+            context.score(start);
+        }
+        search(
+            self.options.method,
+            &mut context,
+            start.as_ref(),
+            self.options.seed,
+        )?;
+        self.evaluations = context.evaluations;
+        self.warnings.extend(
+            context
+                .journal_problem()
+                .map(|what| format!("the journal is not kept: {what}")),
+        );
+        let widest = self.space.widest();
+        Ok(match (context.best, context.closest) {
+            (Some((levels, _)), _) => (levels, true),
+            (None, Some((levels, _))) => (levels, false),
+            (None, None) => (widest, false),
+        })
+    }
+
+    /// What a journal must agree in.
+    fn identity(&self) -> String {
+        let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
+        let o = self.options;
+        let inputs = self
+            .problem
+            .tuning
+            .iter()
+            .map(|case| (&case.tape, &case.inputs, &case.references));
+        let all = (&o.budget, &o.cost, o.method, o.seed, o.guard_bits);
+        let space = (&o.locked, &o.coupled, &o.widths, &self.problem.nodes);
+        // Hashing text cannot fail.
+        let _ = std::fmt::Write::write_fmt(
+            &mut hash,
+            format_args!("{all:?} {space:?} {:?}", inputs.collect::<Vec<_>>()),
+        );
+        format!("{} {:016x}", env!("CARGO_PKG_VERSION"), hash.0)
+    }
+
+    /// Rounding and overflow: down costs nothing on a controller and is taken wherever the budget
+    /// allows, wrapping wherever no input can overflow.
+    fn relax(&mut self, formats: &mut Vec<Format>) {
+        let noise = sensitivities(self.problem, formats, false, self.options.seed);
+        let share = |node: usize| {
+            let own = noise
+                .iter()
+                .filter(|n| n.node == self.problem.nodes[node].name);
+            own.fold(0.0, |worst: f64, n| worst.max(n.share))
+        };
+        let free: Vec<usize> = self
+            .space
+            .groups
+            .iter()
+            .flat_map(|g| g.nodes.clone())
+            .collect();
+        let mut order: Vec<usize> = free.clone();
+        order.sort_by(|a, b| share(*a).total_cmp(&share(*b)).then(a.cmp(b)));
+        let quiet = order.iter().take_while(|&&node| share(node) == 0.0).count();
+        // Those that the model sees no effect of, at once; the others one by one.
+        let mut steps: Vec<&[usize]> = vec![&order[..quiet]];
+        steps.extend(order[..].chunks(1));
+        for step in steps {
+            let mut next = formats.clone();
+            for &node in step {
+                next[node].rounding = Rounding::Floor;
+            }
+            if next != *formats {
+                self.evaluations += 1;
+                if self.score(&next).is_feasible() {
+                    *formats = next;
+                }
+            }
+        }
+        for &node in &free {
+            let proven = self.problem.tuning.iter().all(|case| {
+                let bound = bounds(&case.tape, &case.ports, formats)[node];
+                bound.is_some_and(|bound| {
+                    let lsb = formats[node].lsb();
+                    Interval::new(bound.lo - lsb, bound.hi + lsb).fits(formats[node])
+                })
+            });
+            if proven && formats[node].overflow == Overflow::Saturate {
+                formats[node].overflow = Overflow::Wrap;
+            }
+        }
+    }
+
+    fn measure(&mut self, candidate: &mut Candidate, formats: &[Format]) -> Result<(), TuneError> {
+        let on_target = self.on_target.ok_or_else(|| {
+            TuneError::Target(
+                "cycles and flash are measured on the target, which needs the firmware's toolchain; \
+                 `cardan doctor` says what is missing"
+                    .into(),
+            )
+        })?;
+        let found = on_target(formats).map_err(TuneError::Target)?;
+        candidate.cycles = Some(found.cycles);
+        candidate.flash = Some(found.flash);
+        candidate.ram = Some(found.ram);
+        for (reached, constraint) in candidate.reached.iter_mut().zip(&self.budget.0) {
+            let value = match constraint.measure {
+                Measure::Cycles => found.cycles,
+                Measure::Flash => found.flash,
+                _ => continue,
+            };
+            (reached.value, reached.ratio) = (Some(value), Some(constraint.ratio(value)));
+        }
+        self.measured.push(candidate.clone());
+        Ok(())
+    }
+
+    /// The best choice for scaled limits.
+    fn pareto(&mut self, start: &Levels, progress: &mut dyn FnMut(Progress)) -> Vec<Point> {
+        const EVALUATIONS: u64 = 1200;
+        let mut points: Vec<Point> = Vec::new();
+        for &factor in &self.options.pareto {
+            let budget = scaled(self.budget, factor);
+            let pool = Pool::new(self.problem, &budget, self.prepared, self.options.threads);
+            let mut report = |evaluations: u64, best: Option<f64>| {
+                progress(Progress {
+                    stage: "front",
+                    evaluations,
+                    best,
+                });
+            };
+            let limits = Limits {
+                evaluations: Some(EVALUATIONS),
+                ..Limits::default()
+            };
+            let mut context = Context::new(
+                self.problem,
+                &budget,
+                self.prepared,
+                self.space,
+                &self.options.cost,
+                &pool,
+                limits,
+                None,
+                &mut report,
+            );
+            let bits = -libm::log2(factor).floor() as i32;
+            search_near(&mut context, start, bits, self.options.seed);
+            let Some((levels, cost)) = &context.best else {
+                continue;
+            };
+            let formats = self.space.formats(levels);
+            let candidate = self.candidate("front", &formats);
+            points.push(Point {
+                limit_factor: factor,
+                bits: candidate.bits,
+                cost: *cost,
+                error: candidate.error,
+                formats: candidate.formats,
+            });
+        }
+        points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
+        // Only those that none beats in both.
+        let mut front: Vec<Point> = Vec::new();
+        for point in points {
+            let error = point.error.unwrap_or(f64::INFINITY);
+            let is_better = |last: &Point| error < last.error.unwrap_or(f64::INFINITY);
+            if front.last().is_none_or(is_better) {
+                front.push(point);
+            }
+        }
+        front
+    }
+
+    /// The result on every case, held-out ones included, to their ends.
+    fn verify(&self, formats: &[Format]) -> Vec<Verification> {
+        let held_out: Vec<Prepared<'_>> = self
+            .problem
+            .held_out
+            .iter()
+            .map(|case| Prepared::new(self.problem, case))
+            .collect();
+        let score = |one: &Prepared<'_>| {
+            let case = std::slice::from_ref(one);
+            let score = Evaluator::new(self.problem, self.budget, case).score(formats, false);
+            (one.case.name.clone(), score)
+        };
+        let tuned: Vec<(String, Score)> = self.prepared.iter().map(score).collect();
+        let largest = tuned
+            .iter()
+            .fold(0.0, |worst: f64, (_, s)| worst.max(s.ratio));
+        let held: Vec<(String, Score)> = held_out.iter().map(score).collect();
+        let all = tuned
+            .iter()
+            .map(|one| (one, false))
+            .chain(held.iter().map(|one| (one, true)));
+        all.map(|((case, score), held_out)| Verification {
+            case: case.clone(),
+            held_out,
+            reached: reached(&self.budget.0, &score.values),
+            pass: score.is_feasible(),
+            over_tuning: (held_out && largest > 0.0).then_some(score.ratio / largest),
+        })
+        .collect()
+    }
+}
+
+/// The name of the constraint that a candidate stretches most.
+fn worst(candidate: &Candidate) -> Option<String> {
+    let size = |reached: &Reached| reached.ratio.unwrap_or(f64::INFINITY);
+    let largest = candidate
+        .reached
+        .iter()
+        .max_by(|a, b| size(a).total_cmp(&size(b)));
+    largest.map(|reached| reached.constraint.clone())
+}
+
+fn reached(constraints: &[Constraint], values: &[f64]) -> Vec<Reached> {
+    let one = |(constraint, value): (&Constraint, &f64)| {
+        let finite = |value: f64| value.is_finite().then_some(value);
+        // A noiseless node is infinitely good, a target figure not measured yet is within its limit.
+        let ratio = match *value {
+            f64::NEG_INFINITY | f64::INFINITY => Some(0.0),
+            value => finite(constraint.ratio(value)),
+        };
+        Reached {
+            constraint: constraint.text.clone(),
+            value: finite(*value),
+            ratio,
+        }
+    };
+    constraints.iter().zip(values).map(one).collect()
+}
+
+fn uniform_levels(space: &Space, word: u32) -> Option<Levels> {
+    let level = |group: &crate::space::Group| {
+        let at = group.widths.iter().position(|&width| width >= word)?;
+        u8::try_from(at).ok()
+    };
+    space.groups.iter().map(level).collect()
+}
+
+/// The budget with its error limits times `factor`.
+fn scaled(budget: &Budget, factor: f64) -> Budget {
+    let scale = |constraint: &Constraint| {
+        let limit = match constraint.measure {
+            Measure::Error(..) | Measure::Lsb(_) => constraint.limit * factor,
+            Measure::Sqnr(_) => constraint.limit - 20.0 * libm::log10(factor),
+            _ => constraint.limit,
+        };
+        Constraint {
+            limit,
+            ..constraint.clone()
+        }
+    };
+    Budget(budget.0.iter().map(scale).collect())
+}
+
+/// FNV-1a over text.
+struct Fnv(u64);
+
+impl std::fmt::Write for Fnv {
+    fn write_str(&mut self, text: &str) -> std::fmt::Result {
+        for byte in text.bytes() {
+            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
+        }
+        Ok(())
+    }
+}

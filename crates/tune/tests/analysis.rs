@@ -1,0 +1,99 @@
+//! Ranges and the noise model against what simulation shows.
+
+mod common;
+
+use cardan_datapath::{Format, Overflow, Rounding};
+use cardan_tune::{Problem, ranges, sensitivities};
+use common::problem;
+
+#[test]
+fn the_noise_model_is_within_a_decibel_of_simulation_where_it_applies() {
+    let problem = problem(3000);
+    let formats: Vec<Format> =
+        vec![Format::new(16, 12, Rounding::NearestUp, Overflow::Saturate); problem.nodes.len()];
+    let all = sensitivities(&problem, &formats, true, 1);
+    let applies: Vec<_> = all
+        .iter()
+        .filter(|noise| noise.not_applicable.is_none())
+        .collect();
+    for noise in &all {
+        println!("{noise:?}");
+    }
+    for noise in &applies {
+        let db = noise.difference_db.expect("both are known");
+        assert!(db.abs() <= 1.0, "{noise:?}");
+    }
+    assert!(applies.len() >= 4, "it applies to most nodes");
+}
+
+#[test]
+fn floor_brings_its_bias_and_the_model_knows() {
+    let problem = problem(3000);
+    let formats: Vec<Format> =
+        vec![Format::new(16, 11, Rounding::Floor, Overflow::Saturate); problem.nodes.len()];
+    let all = sensitivities(&problem, &formats, true, 1);
+    let cube = all
+        .iter()
+        .find(|noise| noise.node == "cube")
+        .expect("is there");
+    let db = cube.difference_db.expect("both are known");
+    assert!(db.abs() <= 1.0, "{cube:?}");
+    // rms of a floor: lsb / sqrt(3), twice that of rounding to nearest.
+    assert!((cube.predicted * 2048.0 - 0.577).abs() < 0.01, "{cube:?}");
+}
+
+fn with_word(problem: &mut Problem, node: usize, word: u32, frac: u32) {
+    problem.nodes[node].format = Format::new(word, frac, Rounding::NearestUp, Overflow::Saturate);
+}
+
+#[test]
+fn ranges_prove_what_cannot_overflow_and_find_what_can() {
+    let mut problem = problem(500);
+    // x is below 1, so that 2.14 holds its square; 1.12 does not hold the output. The port allows
+    // any 16-bit word, twice what simulation shows.
+    for case in problem.tuning.iter_mut().chain(&mut problem.held_out) {
+        case.ports = vec![(-32768, 32767)];
+    }
+    with_word(&mut problem, 0, 16, 12);
+    with_word(&mut problem, 1, 16, 10);
+    with_word(&mut problem, 2, 12, 10);
+    let found = ranges(&problem, 1, 4000, 1);
+    let node = |name: &str| {
+        found
+            .nodes
+            .iter()
+            .find(|node| node.name == name)
+            .expect("is there")
+    };
+    assert!(node("input").proven && node("square").proven);
+    assert!(!node("cube").proven, "8 does not fit 2 bits");
+    assert_eq!(node("cube").overflows, 0, "simulation does not show it");
+    let witness = node("cube").witness.as_ref().expect("search finds it");
+    let x = f64::from(witness.inputs[0]) / 16384.0;
+    assert!((x * x * x).abs() > 1.9, "{witness:?}");
+    let square = node("square");
+    assert_eq!(
+        square.derived.hi.map(|hi| (hi * 100.0).round() / 100.0),
+        Some(4.0)
+    );
+    assert!(
+        square
+            .derived
+            .lo
+            .is_some_and(|lo| (-0.01..=0.0).contains(&lo)),
+        "a square"
+    );
+    assert!(square.integer >= square.integer_simulated.expect("is simulated"));
+    let counted: u64 = square.histogram.iter().map(|bin| bin.count).sum();
+    assert!(counted <= square.samples && counted > 0);
+}
+
+#[test]
+fn a_node_that_never_changes_is_named() {
+    let mut problem = problem(50);
+    for case in problem.tuning.iter_mut().chain(&mut problem.held_out) {
+        case.inputs.raws[0].fill(0);
+    }
+    let found = ranges(&problem, 1, 0, 1);
+    assert!(found.nodes.iter().all(|node| node.unexcited));
+}
