@@ -48,7 +48,7 @@ fn assert_bit_equal<A: Datapath>(datapath: &A) {
     let formats: Vec<Format> = NODES.iter().map(|node| node.format).collect();
     let mut trial = Trial::new(&tape, &inputs, DEFAULT_DOMAIN_FLAG);
     trial.run_all(&formats);
-    for node in 0..NODES.len() {
+    for (node, info) in NODES.iter().enumerate() {
         let Some(write) = tape.last_write(node) else {
             continue;
         };
@@ -59,7 +59,7 @@ fn assert_bit_equal<A: Datapath>(datapath: &A) {
                 trial.column(write).get(step),
                 word,
                 "{} in step {step}",
-                NODES[node].name
+                info.name
             );
         }
     }
