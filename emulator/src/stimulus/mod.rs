@@ -98,6 +98,8 @@ impl Stimulus {
     /// # Errors
     /// The text is neither; the message says where, what was expected and how to mend it.
     pub fn parse(file: &str, text: &[u8], hz: u64) -> Result<Stimulus, StimulusError> {
+        // Some programs on other systems begin every text with this mark.
+        let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(text);
         // Every declaration of a dump begins with a dollar sign, no header row of a CSV does.
         if text.trim_ascii_start().starts_with(b"$") {
             dump::read(file, text, hz)

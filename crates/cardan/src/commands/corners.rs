@@ -31,7 +31,7 @@ pub(crate) struct CornerOptions {
     #[arg(long, value_name = "FILE",
         conflicts_with_all = ["session", "report", "dump", "print_scenario"])]
     pub(crate) corners: Option<PathBuf>,
-    /// Random units drawn from the file's [spread], unit k with seed + k
+    /// Random units drawn from the file's `[spread]`, unit k with seed + k
     #[arg(long, value_name = "N", default_value_t = 0, requires = "corners",
         allow_negative_numbers = true,
         value_parser = clap::value_parser!(u64).range(0..=MOST_UNITS))]
