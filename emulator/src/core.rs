@@ -35,7 +35,7 @@ impl PartialEq for FlashStamp {
 }
 
 /// Where translated code finds the state of a [`Core`]: byte offsets from its beginning. All
-/// fields are in the byte order of the host; [`crate::alu`] tells how flags are kept apart.
+/// fields are in the byte order of the host; `alu.rs` tells how flags are kept apart.
 #[derive(Clone, Copy, Debug)]
 #[allow(missing_docs, reason = "the names are those of the fields")]
 pub struct Layout {
