@@ -1,6 +1,10 @@
 //! From a problem and a budget to formats.
 
-use std::path::PathBuf;
+mod front;
+mod options;
+
+pub use self::options::Options;
+
 use std::time::{Duration, Instant};
 
 use cardan_datapath::{Format, Overflow, Rounding};
@@ -10,74 +14,15 @@ use crate::budget::{Budget, Constraint, Measure};
 use crate::cost::{Coefficients, Cost, area, bits, cycles};
 use crate::evaluate::{Evaluator, Prepared, Score};
 use crate::noise::sensitivities;
-use crate::outcome::{Candidate, NamedFormats, OnTarget, Outcome, Point, Reached, Verification};
+use crate::outcome::{Candidate, NamedFormats, OnTarget, Outcome, Reached, Verification};
 use crate::pool::Pool;
 use crate::problem::Problem;
 use crate::ranges::{Ranges, ranges};
-use crate::search::{Context, Journal, JournalError, Limits, Method, search, search_near};
+use crate::search::{Context, Journal, JournalError, Limits, Method, search};
 use crate::space::{LONGEST, Levels, Restrictions, Space, SpaceError, builds};
 
 /// Builds formats and measures them on the target.
 pub type OnTargetFn<'a> = dyn Fn(&[Format]) -> Result<OnTarget, String> + 'a;
-
-/// How to tune.
-#[derive(Clone, Debug)]
-pub struct Options {
-    /// What must be met.
-    pub budget: Vec<String>,
-    /// What is to be small.
-    pub cost: Cost,
-    /// How to search.
-    pub method: Method,
-    /// Seed of every random number.
-    pub seed: u64,
-    /// Threads.
-    pub threads: usize,
-    /// Guard bits over simulated ranges that are not proven.
-    pub guard_bits: u32,
-    /// Nodes that keep their formats.
-    pub locked: Vec<String>,
-    /// Nodes that share a word length.
-    pub coupled: Vec<Vec<String>>,
-    /// Allowed word lengths; all if empty.
-    pub widths: Vec<u32>,
-    /// Most candidates to simulate.
-    pub evaluations: Option<u64>,
-    /// Most seconds to search (makes the result depend on the host's speed).
-    pub seconds: Option<f64>,
-    /// Most candidates without a better one.
-    pub patience: Option<u64>,
-    /// Where evaluations are kept for a later continuation.
-    pub journal: Option<PathBuf>,
-    /// Factors on the limits for the Pareto front.
-    pub pareto: Vec<f64>,
-    /// Candidates that are built and measured, where cycles count.
-    pub finalists: usize,
-}
-
-impl Options {
-    /// The default search for a budget.
-    #[must_use]
-    pub fn new<S: Into<String>>(budget: impl IntoIterator<Item = S>) -> Self {
-        Self {
-            budget: budget.into_iter().map(Into::into).collect(),
-            cost: Cost::Bits,
-            method: Method::Sensitivity,
-            seed: 1,
-            threads: std::thread::available_parallelism().map_or(1, usize::from),
-            guard_bits: 1,
-            locked: Vec::new(),
-            coupled: Vec::new(),
-            widths: Vec::new(),
-            evaluations: None,
-            seconds: None,
-            patience: None,
-            journal: None,
-            pareto: vec![4.0, 2.0, 1.0, 0.5, 0.25],
-            finalists: 3,
-        }
-    }
-}
 
 /// Progress of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -127,7 +72,7 @@ pub fn tune(
     let restrictions = Restrictions {
         locked: options.locked.clone(),
         coupled: options.coupled.clone(),
-        widths: widths(options),
+        widths: options.effective_widths(),
     };
     let space = Space::new(problem, &found, &restrictions)?;
     let prepared = prepare(problem)?;
@@ -145,15 +90,6 @@ pub fn tune(
         measured: Vec::new(),
     };
     run.tune(&found, begin, progress)
-}
-
-/// Containers alone count on a controller, unless the user says otherwise.
-fn widths(options: &Options) -> Vec<u32> {
-    if options.widths.is_empty() && matches!(options.cost, Cost::Cycles(_)) {
-        vec![8, 16, 32]
-    } else {
-        options.widths.clone()
-    }
 }
 
 fn prepare(problem: &Problem) -> Result<Vec<Prepared<'_>>, TuneError> {
@@ -337,7 +273,7 @@ impl Run<'_> {
         let journal = match &self.options.journal {
             None => None,
             Some(path) => {
-                let (journal, note) = Journal::open(path, &self.identity())?;
+                let (journal, note) = Journal::open(path, &self.options.identity(self.problem))?;
                 self.warnings.extend(note);
                 Some(journal)
             }
@@ -390,25 +326,6 @@ impl Run<'_> {
             (None, Some((levels, _))) => (levels, false),
             (None, None) => (widest, false),
         })
-    }
-
-    /// What a journal must agree in.
-    fn identity(&self) -> String {
-        let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
-        let o = self.options;
-        let inputs = self
-            .problem
-            .tuning
-            .iter()
-            .map(|case| (&case.tape, &case.inputs, &case.references));
-        let all = (&o.budget, &o.cost, o.method, o.seed, o.guard_bits);
-        let space = (&o.locked, &o.coupled, &o.widths, &self.problem.nodes);
-        // Hashing text cannot fail.
-        let _ = std::fmt::Write::write_fmt(
-            &mut hash,
-            format_args!("{all:?} {space:?} {:?}", inputs.collect::<Vec<_>>()),
-        );
-        format!("{} {:016x}", env!("CARGO_PKG_VERSION"), hash.0)
     }
 
     /// Rounding and overflow: down costs nothing on a controller and is taken wherever the budget
@@ -483,63 +400,6 @@ impl Run<'_> {
         Ok(())
     }
 
-    /// The best choice for scaled limits.
-    fn pareto(&mut self, start: &Levels, progress: &mut dyn FnMut(Progress)) -> Vec<Point> {
-        const EVALUATIONS: u64 = 1200;
-        let mut points: Vec<Point> = Vec::new();
-        for &factor in &self.options.pareto {
-            let budget = scaled(self.budget, factor);
-            let pool = Pool::new(self.problem, &budget, self.prepared, self.options.threads);
-            let mut report = |evaluations: u64, best: Option<f64>| {
-                progress(Progress {
-                    stage: "front",
-                    evaluations,
-                    best,
-                });
-            };
-            let limits = Limits {
-                evaluations: Some(EVALUATIONS),
-                ..Limits::default()
-            };
-            let mut context = Context::new(
-                self.problem,
-                &budget,
-                self.prepared,
-                self.space,
-                &self.options.cost,
-                &pool,
-                limits,
-                None,
-                &mut report,
-            );
-            let bits = -libm::log2(factor).floor() as i32;
-            search_near(&mut context, start, bits, self.options.seed);
-            let Some((levels, cost)) = &context.best else {
-                continue;
-            };
-            let formats = self.space.formats(levels);
-            let candidate = self.candidate("front", &formats);
-            points.push(Point {
-                limit_factor: factor,
-                bits: candidate.bits,
-                cost: *cost,
-                error: candidate.error,
-                formats: candidate.formats,
-            });
-        }
-        points.sort_by(|a, b| a.cost.total_cmp(&b.cost));
-        // Only those that none beats in both.
-        let mut front: Vec<Point> = Vec::new();
-        for point in points {
-            let error = point.error.unwrap_or(f64::INFINITY);
-            let is_better = |last: &Point| error < last.error.unwrap_or(f64::INFINITY);
-            if front.last().is_none_or(is_better) {
-                front.push(point);
-            }
-        }
-        front
-    }
-
     /// The result on every case, held-out ones included, to their ends.
     fn verify(&self, formats: &[Format]) -> Vec<Verification> {
         let held_out: Vec<Prepared<'_>> = self
@@ -606,32 +466,4 @@ fn uniform_levels(space: &Space, word: u32) -> Option<Levels> {
         u8::try_from(at).ok()
     };
     space.groups.iter().map(level).collect()
-}
-
-/// The budget with its error limits times `factor`.
-fn scaled(budget: &Budget, factor: f64) -> Budget {
-    let scale = |constraint: &Constraint| {
-        let limit = match constraint.measure {
-            Measure::Error(..) | Measure::Lsb(_) => constraint.limit * factor,
-            Measure::Sqnr(_) => constraint.limit - 20.0 * libm::log10(factor),
-            _ => constraint.limit,
-        };
-        Constraint {
-            limit,
-            ..constraint.clone()
-        }
-    };
-    Budget(budget.0.iter().map(scale).collect())
-}
-
-/// FNV-1a over text.
-struct Fnv(u64);
-
-impl std::fmt::Write for Fnv {
-    fn write_str(&mut self, text: &str) -> std::fmt::Result {
-        for byte in text.bytes() {
-            self.0 = (self.0 ^ u64::from(byte)).wrapping_mul(0x0000_0100_0000_01b3);
-        }
-        Ok(())
-    }
 }
