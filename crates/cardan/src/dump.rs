@@ -6,6 +6,7 @@ use std::path::Path;
 use cardan_compare::{Comparison, Node};
 
 use crate::failure::Failure;
+use crate::files::write_whole;
 use crate::participants::diff::Collected;
 
 /// Writes one row per solution: time, truth, status, and for each node that takes one value per
@@ -65,12 +66,5 @@ pub(crate) fn write(
         }
         text.push('\n');
     }
-    // Written beside and renamed, so that no half-written file is left behind.
-    let fail = |error: std::io::Error| {
-        Failure::input(format!("{}: cannot be written: {error}", file.display()))
-    };
-    let mut partial = file.as_os_str().to_owned();
-    partial.push(".partial");
-    std::fs::write(&partial, text).map_err(fail)?;
-    std::fs::rename(&partial, file).map_err(fail)
+    write_whole(file, text)
 }

@@ -3,6 +3,7 @@
 mod commands;
 mod dump;
 mod failure;
+mod files;
 mod judge;
 mod output;
 mod participants;

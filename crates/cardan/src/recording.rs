@@ -28,10 +28,15 @@ impl Sink for Kept {
 }
 
 /// Runs the emulated device once.
-fn run(setup: &Setup, scenario: &Scenario, seed: u64) -> Result<RecordedRun, Failure> {
+fn run(
+    setup: &Setup,
+    scenario: &Scenario,
+    seed: u64,
+    seconds: f64,
+) -> Result<RecordedRun, Failure> {
     let (configuration, mut engine) = setup
         .app
-        .emulated(scenario, seed, setup.seconds, &setup.firmware)
+        .emulated(scenario, seed, seconds, &setup.firmware)
         .map_err(Failure::input)?;
     let mut kept = Kept::default();
     let summary = engine
@@ -54,19 +59,31 @@ fn run(setup: &Setup, scenario: &Scenario, seed: u64) -> Result<RecordedRun, Fai
     })
 }
 
-/// The application's problem: on the run's scenario and seed, to be verified with the next seed and
-/// on the scenarios `held_out`.
-pub(crate) fn problem(setup: &Setup, held_out: &[String]) -> Result<Problem, Failure> {
-    let tuning = vec![run(setup, &setup.scenario, setup.seed)?];
+/// The application's problem: on the run's scenario and seed and on the scenarios `also`, to be
+/// verified with the next seed and on the scenarios `held_out`. Scenarios by name run to their own
+/// ends at least: what makes them special may come late.
+pub(crate) fn problem(
+    setup: &Setup,
+    also: &[String],
+    held_out: &[String],
+) -> Result<Problem, Failure> {
+    let own = |seed: u64| run(setup, &setup.scenario, seed, setup.seconds);
+    let named = |names: &[String], into: &mut Vec<RecordedRun>| {
+        for name in names {
+            let scenario = Scenario::load(name).map_err(Failure::input)?;
+            if scenario.name != setup.scenario.name {
+                let seconds = scenario.seconds.max(setup.seconds);
+                into.push(run(setup, &scenario, setup.seed, seconds)?);
+            }
+        }
+        Ok::<_, Failure>(())
+    };
+    let mut tuning = vec![own(setup.seed)?];
+    named(also, &mut tuning)?;
     let mut others = Vec::new();
     if !held_out.is_empty() {
-        others.push(run(setup, &setup.scenario, setup.seed.wrapping_add(1))?);
+        others.push(own(setup.seed.wrapping_add(1))?);
     }
-    for name in held_out {
-        let scenario = Scenario::load(name).map_err(Failure::input)?;
-        if scenario.name != setup.scenario.name {
-            others.push(run(setup, &scenario, setup.seed)?);
-        }
-    }
+    named(held_out, &mut others)?;
     setup.app.problem(&tuning, &others).map_err(Failure::input)
 }

@@ -15,6 +15,7 @@ use clap::Args;
 use self::measure::measure;
 use self::report::{Document, ImageReport, TargetReport};
 use crate::failure::{Done, Failure, code};
+use crate::files::write_whole;
 use crate::output::Output;
 use crate::toolchain::{self, BOARDS, Board, Built};
 
@@ -136,10 +137,7 @@ fn write(board: &Board, folder: &Path, plain: &Built, tapped: &Built) -> Result<
     let record = toolchain::record(board, &plain.elf, &tapped.elf)?.to_toml()?;
     let put = |name: &str, bytes: &[u8]| {
         let file = folder.join(name);
-        fs::write(&file, bytes).map_err(|error| {
-            let what = "cannot be written";
-            Failure::input(format!("--out {}: {what}: {error}", file.display()))
-        })
+        write_whole(&file, bytes)
     };
     fs::create_dir_all(folder).map_err(|error| {
         Failure::input(format!(

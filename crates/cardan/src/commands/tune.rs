@@ -11,6 +11,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::failure::{Done, Failure, code};
+use crate::files::write_whole;
 use crate::output::Output;
 use crate::recording;
 use crate::run_options::{RunOptions, Setup};
@@ -67,6 +68,10 @@ pub(crate) struct Arguments {
     /// File that keeps every evaluation; an interrupted search goes on from it
     #[arg(long, value_name = "FILE")]
     journal: Option<PathBuf>,
+    /// Further scenario to tune on [default: magnet]; may be given several times. What raises a
+    /// status bit is held to its limit only by a scenario that raises it
+    #[arg(long, value_name = "NAME|FILE")]
+    also: Vec<String>,
     /// Further scenario to verify on [default: static]; may be given several times
     #[arg(long, value_name = "NAME|FILE")]
     held_out: Vec<String>,
@@ -129,12 +134,13 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     }
     let options = options(arguments, &setup)?;
     output.note("recording the scenario and those to verify on");
-    let held_out = if arguments.held_out.is_empty() {
-        vec!["static".to_owned()]
-    } else {
-        arguments.held_out.clone()
+    let given = |names: &[String], default: &str| match names {
+        [] => vec![default.to_owned()],
+        names => names.to_vec(),
     };
-    let problem = recording::problem(&setup, &held_out)?;
+    let also = given(&arguments.also, "magnet");
+    let held_out = given(&arguments.held_out, "static");
+    let problem = recording::problem(&setup, &also, &held_out)?;
     let mut shown = Shown::new(output);
     let app = setup.app;
     let measure =
@@ -228,42 +234,38 @@ fn options(arguments: &Arguments, setup: &Setup) -> Result<Options, Failure> {
     })
 }
 
-/// Progress on a terminal.
+/// Shows progress a few times a second.
 struct Shown {
-    is_on: bool,
-    last: Option<std::time::Instant>,
+    output: Output,
+    next: std::time::Instant,
 }
 
 impl Shown {
+    const EVERY: std::time::Duration = std::time::Duration::from_millis(200);
+
     fn new(output: Output) -> Self {
-        use std::io::IsTerminal;
         Self {
-            is_on: !output.is_quiet() && std::io::stderr().is_terminal(),
-            last: None,
+            output,
+            next: std::time::Instant::now(),
         }
     }
 
     fn show(&mut self, progress: Progress) {
-        const EVERY_MS: u128 = 200;
-        let is_due = self
-            .last
-            .is_none_or(|last| last.elapsed().as_millis() >= EVERY_MS);
-        if self.is_on && is_due {
-            self.last = Some(std::time::Instant::now());
-            let best = progress
-                .best
-                .map_or("-".to_owned(), |best| format!("{best:.0}"));
-            eprint!(
-                "\r{}: {} candidates, best {best}   ",
-                progress.stage, progress.evaluations
-            );
+        let now = std::time::Instant::now();
+        if now < self.next {
+            return;
         }
+        self.next = now + Self::EVERY;
+        let best = progress
+            .best
+            .map_or("-".to_owned(), |best| format!("{best:.0}"));
+        let (stage, count) = (progress.stage, progress.evaluations);
+        self.output
+            .progress(&format!("{stage}: {count} candidates, best {best}"));
     }
 
     fn end(&self) {
-        if self.last.is_some() {
-            eprintln!();
-        }
+        self.output.progress("");
     }
 }
 
@@ -274,9 +276,7 @@ fn write(
     output: Output,
 ) -> Result<(), Failure> {
     let put = |file: &Path, text: &str| {
-        std::fs::write(file, text).map_err(|error| {
-            Failure::input(format!("{}: cannot be written: {error}", file.display()))
-        })?;
+        write_whole(file, text)?;
         output.note(&format!("written: {}", file.display()));
         Ok::<_, Failure>(())
     };
@@ -307,15 +307,56 @@ fn write(
     Ok(())
 }
 
-/// The command that finds the same again.
+/// The command that finds the same again: every option that the result depends on.
 fn command_line(arguments: &Arguments) -> String {
     let mut line = "cardan tune".to_owned();
     for argument in arguments.run.arguments() {
         line.push(' ');
         line.push_str(&argument.to_string_lossy());
     }
+    let mut give = |name: &str, value: &str| line.push_str(&format!(" {name} {value}"));
     for budget in &arguments.budget {
-        line.push_str(&format!(" --budget '{budget}'"));
+        give("--budget", &format!("'{budget}'"));
+    }
+    let named = |value: Option<clap::builder::PossibleValue>| {
+        value.map_or_else(String::new, |value| value.get_name().to_owned())
+    };
+    give("--cost", &named(arguments.cost.to_possible_value()));
+    give("--method", &named(arguments.method.to_possible_value()));
+    give("--guard-bits", &arguments.guard_bits.to_string());
+    if let Some(file) = &arguments.coefficients {
+        give("--coefficients", &file.display().to_string());
+    }
+    for node in &arguments.lock {
+        give("--lock", node);
+    }
+    for nodes in &arguments.couple {
+        give("--couple", nodes);
+    }
+    if !arguments.widths.is_empty() {
+        let widths: Vec<String> = arguments.widths.iter().map(u32::to_string).collect();
+        give("--widths", &widths.join(","));
+    }
+    let limits = [
+        (
+            "--evaluations",
+            arguments.evaluations.map(|n| n.to_string()),
+        ),
+        ("--time", arguments.time.map(|s| s.to_string())),
+        ("--patience", arguments.patience.map(|n| n.to_string())),
+    ];
+    for (name, value) in limits {
+        if let Some(value) = value {
+            give(name, &value);
+        }
+    }
+    for (name, scenarios) in [
+        ("--also", &arguments.also),
+        ("--held-out", &arguments.held_out),
+    ] {
+        for scenario in scenarios {
+            give(name, scenario);
+        }
     }
     line
 }

@@ -8,6 +8,7 @@ use cardan_emulator::{Machine, ProfileReport, Symbols};
 
 use super::profile::Document;
 use crate::failure::Failure;
+use crate::files::write_whole;
 
 /// The folder of the files.
 pub(super) struct Folder(PathBuf);
@@ -39,8 +40,7 @@ impl Folder {
     }
 
     fn file(&self, name: &str, content: &str) -> Result<(), Failure> {
-        let path = self.0.join(name);
-        fs::write(&path, content).map_err(|error| failure(&path, &error))
+        write_whole(&self.0.join(name), content)
     }
 }
 

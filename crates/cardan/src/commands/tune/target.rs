@@ -9,6 +9,7 @@ use cardan_tune::OnTarget;
 
 use crate::commands::build::measure::measure;
 use crate::failure::Failure;
+use crate::files::write_whole;
 use crate::output::Output;
 use crate::run_options::RunOptions;
 use crate::toolchain::{self, BOARDS};
@@ -41,10 +42,9 @@ pub(super) fn on_target(
 pub(super) fn apply(run: &RunOptions, text: &str, output: Output) -> Result<Report, Failure> {
     let file: PathBuf = toolchain::workspace()?.join("firmware/wordlengths.toml");
     let shown = file.display().to_string();
-    let failed =
-        |what: &str, error: std::io::Error| Failure::input(format!("{shown}: {what}: {error}"));
-    let before = std::fs::read(&file).map_err(|error| failed("cannot be read", error))?;
-    std::fs::write(&file, text).map_err(|error| failed("cannot be written", error))?;
+    let before = std::fs::read(&file)
+        .map_err(|error| Failure::input(format!("{shown}: cannot be read: {error}")))?;
+    write_whole(&file, text)?;
     output.note(&format!("written: {shown}; building and comparing"));
     let run = RunOptions {
         wordlengths: Some(file.clone()),
@@ -53,7 +53,7 @@ pub(super) fn apply(run: &RunOptions, text: &str, output: Output) -> Result<Repo
     match crate::commands::compare::comparison(&run) {
         Ok(comparison) => Ok(compare(&comparison)),
         Err(failure) => {
-            std::fs::write(&file, before).map_err(|error| failed("cannot be restored", error))?;
+            write_whole(&file, before)?;
             output.note(&format!("{shown}: restored"));
             Err(failure)
         }
