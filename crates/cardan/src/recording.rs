@@ -1,5 +1,7 @@
 //! Runs of the emulated device, kept in memory for ranges and tuning.
 
+use std::thread;
+
 use cardan_bench::app::RecordedRun;
 use cardan_bench::{Conversion, EngineError, Sink, SinkError, Truth};
 use cardan_scenario::Scenario;
@@ -59,31 +61,66 @@ fn run(
     })
 }
 
-/// The application's problem: on the run's scenario and seed and on the scenarios `also`, to be
-/// verified with the next seed and on the scenarios `held_out`. Scenarios by name run to their own
-/// ends at least: what makes them special may come late.
+/// A run to record: scenario, seed, seconds.
+struct Wanted(Scenario, u64, f64);
+
+/// The application's problem: on the run's scenario with `seeds` seeds from its own up and on the
+/// scenarios `also`, to be verified with the next seed and on the scenarios `held_out`. Scenarios by
+/// name run to their own ends at least: what makes them special may come late.
 pub(crate) fn problem(
     setup: &Setup,
+    seeds: u64,
     also: &[String],
     held_out: &[String],
 ) -> Result<Problem, Failure> {
-    let own = |seed: u64| run(setup, &setup.scenario, seed, setup.seconds);
-    let named = |names: &[String], into: &mut Vec<RecordedRun>| {
+    let own = |offset: u64| {
+        let seed = setup.seed.wrapping_add(offset);
+        Wanted(setup.scenario.clone(), seed, setup.seconds)
+    };
+    let named = |names: &[String], into: &mut Vec<Wanted>| {
         for name in names {
             let scenario = Scenario::load(name).map_err(Failure::input)?;
             if scenario.name != setup.scenario.name {
                 let seconds = scenario.seconds.max(setup.seconds);
-                into.push(run(setup, &scenario, setup.seed, seconds)?);
+                into.push(Wanted(scenario, setup.seed, seconds));
             }
         }
         Ok::<_, Failure>(())
     };
-    let mut tuning = vec![own(setup.seed)?];
-    named(also, &mut tuning)?;
-    let mut others = Vec::new();
+    let mut wanted: Vec<Wanted> = (0..seeds).map(own).collect();
+    named(also, &mut wanted)?;
+    let tuning = wanted.len();
     if !held_out.is_empty() {
-        others.push(own(setup.seed.wrapping_add(1))?);
+        wanted.push(own(seeds));
     }
-    named(held_out, &mut others)?;
-    setup.app.problem(&tuning, &others).map_err(Failure::input)
+    named(held_out, &mut wanted)?;
+    let runs = recorded(setup, &wanted)?;
+    setup
+        .app
+        .problem(&runs[..tuning], &runs[tuning..])
+        .map_err(Failure::input)
+}
+
+/// Records all runs, as many at a time as there are cores.
+fn recorded(setup: &Setup, wanted: &[Wanted]) -> Result<Vec<RecordedRun>, Failure> {
+    let cores = thread::available_parallelism().map_or(1, usize::from);
+    let mut runs = Vec::new();
+    for some in wanted.chunks(cores) {
+        let recorded: Vec<_> = thread::scope(|scope| {
+            let start = |Wanted(scenario, seed, seconds): &Wanted| {
+                let (scenario, seed, seconds) = (scenario.clone(), *seed, *seconds);
+                scope.spawn(move || run(setup, &scenario, seed, seconds))
+            };
+            let handles: Vec<_> = some.iter().map(start).collect();
+            let joined = handles.into_iter().map(|handle| match handle.join() {
+                Ok(run) => run,
+                Err(panic) => std::panic::resume_unwind(panic),
+            });
+            joined.collect()
+        });
+        for run in recorded {
+            runs.push(run?);
+        }
+    }
+    Ok(runs)
 }

@@ -29,6 +29,13 @@ impl<'a> Pool<'a> {
         }
     }
 
+    /// The score of one candidate, run to its end.
+    pub(crate) fn score(&self, formats: &[Format]) -> Score {
+        let mut scores = self.scores(&[formats.to_vec()], false);
+        // One score per candidate.
+        scores.remove(0)
+    }
+
     /// The scores of a batch, in its order.
     pub(crate) fn scores(&self, batch: &[Vec<Format>], early: bool) -> Vec<Score> {
         let count = self.workers.len().min(batch.len());

@@ -6,7 +6,6 @@ use cardan_numerics::trial::deployable;
 
 use crate::catalogue::mend;
 use crate::problem::Problem;
-use crate::ranges::Ranges;
 
 /// Longest word of a deployed format on the reference controller.
 pub(crate) const LONGEST: u32 = 32;
@@ -26,6 +25,8 @@ pub(crate) struct Space {
     /// Formats of locked nodes, and rounding and overflow of all.
     template: Vec<Format>,
     integer: Vec<i32>,
+    /// Lengths that the user allows, ascending.
+    allowed: Vec<u32>,
 }
 
 /// A choice: per group an index into its widths.
@@ -77,9 +78,10 @@ pub(crate) struct Restrictions {
 }
 
 impl Space {
+    /// The choices that `restrictions` leave, for nodes with the given integer bits (sign included).
     pub(crate) fn new(
         problem: &Problem,
-        ranges: &Ranges,
+        integer: Vec<i32>,
         restrictions: &Restrictions,
     ) -> Result<Self, SpaceError> {
         let node = |option: &'static str, name: &String| {
@@ -112,24 +114,16 @@ impl Space {
                 group_of[member] = members[0];
             }
         }
-        let integer: Vec<i32> = ranges.nodes.iter().map(|range| range.integer).collect();
         let mut groups = Vec::new();
         for leader in 0..problem.nodes.len() {
             let members = (0..problem.nodes.len()).filter(|&n| group_of[n] == leader && !locked[n]);
             let nodes: Vec<usize> = members.collect();
-            let Some(least) = nodes
-                .iter()
-                .map(|&n| integer[n].max(1).unsigned_abs())
-                .max()
-            else {
-                continue;
-            };
-            let mut own: Vec<u32> = widths.iter().copied().filter(|&w| w >= least).collect();
-            if own.is_empty() {
-                // The range needs more than any allowed length has: the longest saturates least.
-                own.extend(widths.last());
+            if !nodes.is_empty() {
+                groups.push(Group {
+                    widths: lengths(&widths, &integer, &nodes),
+                    nodes,
+                });
             }
-            groups.push(Group { nodes, widths: own });
         }
         if groups.is_empty() {
             return Err(SpaceError::AllLocked);
@@ -149,7 +143,18 @@ impl Space {
             groups,
             template: problem.nodes.iter().enumerate().map(template).collect(),
             integer,
+            allowed: widths,
         })
+    }
+
+    /// The same choices for nodes with other integer bits.
+    pub(crate) fn with_integer(&self, integer: &[i32]) -> Self {
+        let mut other = self.clone();
+        for group in &mut other.groups {
+            group.widths = lengths(&self.allowed, integer, &group.nodes);
+        }
+        other.integer = integer.to_vec();
+        other
     }
 
     /// The formats of a choice.
@@ -174,6 +179,12 @@ impl Space {
         formats
     }
 
+    /// Integer bits of each node.
+    pub(crate) fn integer(&self) -> &[i32] {
+        &self.integer
+    }
+
+    /// The format of a node with that word length.
     fn format(&self, node: usize, word: u32) -> Format {
         let most = container_bits(word).cast_signed();
         let frac = (word.cast_signed() - self.integer[node]).clamp(0, most);
@@ -216,6 +227,20 @@ impl Space {
             .map(|group| (group.widths.len() - 1) as u8)
             .collect()
     }
+}
+
+/// The allowed lengths that hold the integer bits of all `nodes`.
+fn lengths(allowed: &[u32], integer: &[i32], nodes: &[usize]) -> Vec<u32> {
+    let needed = nodes
+        .iter()
+        .map(|&node| integer[node].max(1).unsigned_abs());
+    let least = needed.max().unwrap_or(1);
+    let mut own: Vec<u32> = allowed.iter().copied().filter(|&w| w >= least).collect();
+    if own.is_empty() {
+        // The range needs more than any allowed length has: the longest saturates least.
+        own.extend(allowed.last());
+    }
+    own
 }
 
 /// Whether the deployed arithmetic would build every case's algorithm in `formats`.

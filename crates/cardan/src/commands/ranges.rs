@@ -47,7 +47,7 @@ struct Document<'a> {
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     let setup = arguments.run.resolve()?;
     output.note("simulating");
-    let mut problem = recording::problem(&setup, &arguments.also, &[])?;
+    let mut problem = recording::problem(&setup, 1, &arguments.also, &[])?;
     if let Some(formats) = &setup.formats {
         for (node, format) in problem.nodes.iter_mut().zip(formats) {
             node.format = *format;

@@ -50,8 +50,9 @@ pub(crate) struct Arguments {
     /// Allowed word lengths, separated by commas [default: all up to 32; 8,16,32 for cycles]
     #[arg(long, value_name = "N,N...", value_delimiter = ',')]
     widths: Vec<u32>,
-    /// Bits above the simulated range, where the derived range does not prove fewer
-    #[arg(long, value_name = "N", default_value_t = 1, value_parser = clap::value_parser!(u32).range(0..=16))]
+    /// Bits above what values take in simulation, where the derived range does not prove fewer.
+    /// Without any, values beyond it saturate; words that may wrap are proven anyway
+    #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=16))]
     guard_bits: u32,
     /// Most candidates to simulate
     #[arg(long, value_name = "N")]
@@ -68,6 +69,10 @@ pub(crate) struct Arguments {
     /// File that keeps every evaluation; an interrupted search goes on from it
     #[arg(long, value_name = "FILE")]
     journal: Option<PathBuf>,
+    /// Runs of the scenario to tune on, with seeds from --seed up; one more verifies. On a single one
+    /// the search learns its noise by heart
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u64).range(1..=1000))]
+    runs: u64,
     /// Further scenario to tune on [default: magnet]; may be given several times. What raises a
     /// status bit is held to its limit only by a scenario that raises it
     #[arg(long, value_name = "NAME|FILE")]
@@ -140,7 +145,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     };
     let also = given(&arguments.also, "magnet");
     let held_out = given(&arguments.held_out, "static");
-    let problem = recording::problem(&setup, &also, &held_out)?;
+    let problem = recording::problem(&setup, arguments.runs, &also, &held_out)?;
     let mut shown = Shown::new(output);
     let app = setup.app;
     let measure =
@@ -324,6 +329,7 @@ fn command_line(arguments: &Arguments) -> String {
     give("--cost", &named(arguments.cost.to_possible_value()));
     give("--method", &named(arguments.method.to_possible_value()));
     give("--guard-bits", &arguments.guard_bits.to_string());
+    give("--runs", &arguments.runs.to_string());
     if let Some(file) = &arguments.coefficients {
         give("--coefficients", &file.display().to_string());
     }

@@ -6,6 +6,7 @@ mod exhaustive;
 mod greedy;
 mod journal;
 mod model;
+mod shake;
 
 use serde::Serialize;
 
@@ -55,7 +56,7 @@ pub(crate) fn search(
     match method {
         Method::Sensitivity => {
             let mut model = Model::new(context, seed);
-            model::run(context, &mut model, start);
+            model::run(context, &mut model, start, seed);
         }
         Method::MaxMinusOne => greedy::down(context, start),
         Method::MinPlusOne => greedy::up(context),

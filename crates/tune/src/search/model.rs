@@ -3,7 +3,7 @@
 
 use cardan_numerics::tape::Tape;
 
-use super::{Context, exchange};
+use super::{Context, exchange, shake};
 use crate::budget::{Measure, Statistic, Subject};
 use crate::noise::{Gains, gains_to};
 use crate::space::Levels;
@@ -178,7 +178,12 @@ const HEAD_START: i32 = 4;
 /// At most this share of the feasible steps down is taken before they are measured again.
 const AT_ONCE: usize = 4;
 
-pub(super) fn run(context: &mut Context<'_, '_>, model: &mut Model<'_>, start: Option<&Levels>) {
+pub(super) fn run(
+    context: &mut Context<'_, '_>,
+    model: &mut Model<'_>,
+    start: Option<&Levels>,
+    seed: u64,
+) {
     let Some(mut levels) = begin(context, model, start) else {
         return;
     };
@@ -193,6 +198,7 @@ pub(super) fn run(context: &mut Context<'_, '_>, model: &mut Model<'_>, start: O
     descend(context, &mut levels);
     settle(context, model, &mut levels);
     exchange::run(context, model, &mut levels);
+    shake::run(context, model, &mut levels, seed);
 }
 
 /// Steepest descent by simulation: every single step down is tried, and those that stretch the limits
@@ -332,7 +338,7 @@ pub(super) fn settle(context: &mut Context<'_, '_>, model: &mut Model<'_>, level
 }
 
 /// Groups by predicted harm of one step down per cost saved.
-fn order(context: &Context<'_, '_>, model: &Model<'_>, levels: &Levels) -> Vec<usize> {
+pub(super) fn order(context: &Context<'_, '_>, model: &Model<'_>, levels: &Levels) -> Vec<usize> {
     let shares = model.shares(context, levels);
     let cost = context.cost_of(levels);
     let mut keyed: Vec<(f64, usize)> = (0..levels.len())

@@ -3,6 +3,7 @@
 mod front;
 mod inputs;
 mod options;
+mod trim;
 
 use self::inputs::{prepare, unexcited, unraised};
 pub use self::options::Options;
@@ -76,13 +77,16 @@ pub fn tune(
         coupled: options.coupled.clone(),
         widths: options.effective_widths(),
     };
-    let space = Space::new(problem, &found, &restrictions)?;
+    let integer = found.nodes.iter().map(|range| range.integer).collect();
+    let plain = Space::new(problem, integer, &restrictions)?;
     let prepared = prepare(problem)?;
     let pool = Pool::new(problem, &budget, &prepared, options.threads);
+    let space = plain.with_integer(&trim::trimmed(problem, &prepared, &pool, &found, &plain));
     let mut run = Run {
         problem,
         options,
         budget: &budget,
+        plain: &plain,
         space: &space,
         prepared: &prepared,
         pool: &pool,
@@ -100,6 +104,9 @@ struct Run<'a> {
     problem: &'a Problem,
     options: &'a Options,
     budget: &'a Budget,
+    /// The choices with the integer bits of the ranges.
+    plain: &'a Space,
+    /// Those with the integer bits that are left after trimming.
     space: &'a Space,
     prepared: &'a [Prepared<'a>],
     pool: &'a Pool<'a>,
@@ -116,10 +123,17 @@ impl Run<'_> {
         begin: Instant,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, TuneError> {
-        let baseline = self.candidate("uniform 32 bit", &self.space.uniform(LONGEST));
+        let baseline = self.candidate("uniform 32 bit", &self.plain.uniform(LONGEST));
         let uniform = self.best_uniform();
         let (levels, feasible) = self.search(uniform.as_ref(), progress)?;
         let mut formats = self.space.formats(&levels);
+        if let Some((_, uniform)) = &uniform
+            && (!feasible || self.cost(uniform) < self.cost(&formats))
+        {
+            // A length shorter than a range: the groups' own choices do not hold it.
+            formats.clone_from(uniform);
+        }
+        let feasible = feasible || uniform.is_some();
         if feasible {
             self.relax(&mut formats);
         }
@@ -195,7 +209,7 @@ impl Run<'_> {
             return Ok(None);
         }
         let formats = self.problem.deployed();
-        let is_feasible = self.score(&formats).is_feasible();
+        let is_feasible = self.pool.score(&formats).is_feasible();
         let mut deployed = self.candidate("deployed", &formats);
         self.measure(&mut deployed, &formats)?;
         let is_within = |reached: &Reached| reached.ratio.is_some_and(|ratio| ratio <= 1.0);
@@ -212,14 +226,12 @@ impl Run<'_> {
         Ok(Some((formats, deployed)))
     }
 
-    fn score(&self, formats: &[Format]) -> Score {
-        let mut scores = self.pool.scores(&[formats.to_vec()], false);
-        // The pool gives one score per candidate.
-        scores.remove(0)
+    fn cost(&self, formats: &[Format]) -> f64 {
+        self.options.cost.of(&self.prepared[0].case.tape, formats)
     }
 
     fn candidate(&self, name: &str, formats: &[Format]) -> Candidate {
-        let score = self.score(formats);
+        let score = self.pool.score(formats);
         let tape = &self.prepared[0].case.tape;
         let bundled = Coefficients::bundled().ok();
         let own = match &self.options.cost {
@@ -248,7 +260,8 @@ impl Run<'_> {
         }
     }
 
-    /// The shortest uniform word length that meets the budget.
+    /// The shortest uniform word length that meets the budget: with the integer bits of the ranges, or
+    /// with trimmed ones where that is shorter.
     fn best_uniform(&mut self) -> Option<(u32, Vec<Format>)> {
         let all: Vec<u32> = if self.options.widths.is_empty() {
             (1..=LONGEST).collect()
@@ -257,9 +270,12 @@ impl Run<'_> {
             widths.sort_unstable();
             widths
         };
-        let batch: Vec<Vec<Format>> = all.iter().map(|&word| self.space.uniform(word)).collect();
+        let each = all
+            .iter()
+            .flat_map(|&word| [self.plain, self.space].map(|space| (word, space.uniform(word))));
+        let (words, batch): (Vec<u32>, Vec<Vec<Format>>) = each.unzip();
         let scores = self.pool.scores(&batch, true);
-        let mut found = all.into_iter().zip(batch).zip(&scores);
+        let mut found = words.into_iter().zip(batch).zip(&scores);
         found
             .find(|(_, score)| score.is_feasible())
             .map(|(found, _)| found)
@@ -358,7 +374,7 @@ impl Run<'_> {
             }
             if next != *formats {
                 self.evaluations += 1;
-                if self.score(&next).is_feasible() {
+                if self.pool.score(&next).is_feasible() {
                     *formats = next;
                 }
             }

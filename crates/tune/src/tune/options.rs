@@ -49,7 +49,7 @@ impl Options {
             method: Method::Sensitivity,
             seed: 1,
             threads: std::thread::available_parallelism().map_or(1, usize::from),
-            guard_bits: 1,
+            guard_bits: 0,
             locked: Vec::new(),
             coupled: Vec::new(),
             widths: Vec::new(),
