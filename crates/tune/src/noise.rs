@@ -57,7 +57,7 @@ pub(crate) fn gains_to(prepared: &Prepared<'_>, node: usize, seed: u64) -> Gains
 }
 
 /// Fractional bits of an operation's exact result; `None` without end.
-fn natural_frac(entry: &Entry, frac: impl Fn(Ref) -> i64) -> Option<i64> {
+pub(crate) fn natural_frac(entry: &Entry, frac: impl Fn(Ref) -> i64) -> Option<i64> {
     Some(match entry.op {
         Op::Input { frac, .. } => frac.into(),
         Op::Add(a, b) | Op::Sub(a, b) | Op::Select(_, a, b) => frac(a).max(frac(b)),

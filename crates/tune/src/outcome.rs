@@ -31,6 +31,11 @@ impl NamedFormats {
                 .collect(),
         )
     }
+
+    /// Whether these are `formats`.
+    pub(crate) fn is(&self, formats: &[Format]) -> bool {
+        self.0.iter().map(|(_, own)| own).eq(formats)
+    }
 }
 
 #[derive(Serialize)]

@@ -52,6 +52,8 @@ pub struct Problem {
     pub name: String,
     /// Nodes with their deployed formats.
     pub nodes: Vec<NodeInfo>,
+    /// Nodes that are computed outside a step's own time (in an interrupt): they cost no cycles of it.
+    pub background: Vec<usize>,
     /// The arithmetic's own status bit.
     pub domain_flag: u16,
     /// Outputs that budgets speak of.

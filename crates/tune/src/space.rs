@@ -1,14 +1,21 @@
 //! What may be chosen: groups of nodes that share a word length, and the lengths they may take.
 
+use std::sync::Arc;
+
 use cardan_datapath::wordlengths::container_bits;
-use cardan_datapath::{Format, Rounding};
+use cardan_datapath::{Format, Overflow, Rounding};
+use cardan_numerics::tape::{NO_NODE, Tape};
 use cardan_numerics::trial::deployable;
 
 use crate::catalogue::mend;
+use crate::noise::natural_frac;
 use crate::problem::Problem;
 
 /// Longest word of a deployed format on the reference controller.
 pub(crate) const LONGEST: u32 = 32;
+
+/// Integer bits, sign included, of 16-bit words that share their binary point: values to 2.
+const SHARED_INTEGER: i32 = 2;
 
 /// Nodes with one word length.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,6 +34,9 @@ pub(crate) struct Space {
     integer: Vec<i32>,
     /// Lengths that the user allows, ascending.
     allowed: Vec<u32>,
+    /// Where words fill containers: the algorithm, whose exact results need no more places than they
+    /// have.
+    exact: Option<Arc<Tape>>,
 }
 
 /// A choice: per group an index into its widths.
@@ -144,6 +154,7 @@ impl Space {
             template: problem.nodes.iter().enumerate().map(template).collect(),
             integer,
             allowed: widths,
+            exact: None,
         })
     }
 
@@ -157,6 +168,58 @@ impl Space {
         other
     }
 
+    /// The same choices where words fill containers, whose bits cost nothing: 16-bit words share their
+    /// binary point as far as their ranges allow, so that sums need no shifts, and no node has more
+    /// places than its exact result.
+    pub(crate) fn in_containers(&self, problem: &Problem) -> Self {
+        // What wraps by design needs the range that it has.
+        let shared = |(&own, format): (&i32, &Format)| match format.overflow {
+            Overflow::Wrap => own,
+            _ => own.max(SHARED_INTEGER),
+        };
+        let shared: Vec<i32> = self
+            .integer
+            .iter()
+            .zip(&self.template)
+            .map(shared)
+            .collect();
+        let mut other = self.with_integer(&shared);
+        other.exact = problem
+            .tuning
+            .first()
+            .map(|case| Arc::new(case.tape.clone()));
+        other
+    }
+
+    /// Takes the places that exact results do not have.
+    fn without_empty_places(&self, mut formats: Vec<Format>) -> Vec<Format> {
+        let Some(tape) = &self.exact else {
+            return formats;
+        };
+        let free = |node: usize| self.groups.iter().any(|group| group.nodes.contains(&node));
+        let mut most: Vec<Option<u32>> = vec![Some(0); formats.len()];
+        for entry in &tape.steady {
+            let node = entry.node as usize;
+            if entry.node == NO_NODE || !entry.op.is_recorded() || !free(node) {
+                continue;
+            }
+            let frac = |at| {
+                formats
+                    .get(tape.node_of(at) as usize)
+                    .map_or(0, |f| f.frac.into())
+            };
+            let natural = natural_frac(entry, frac).and_then(|frac| u32::try_from(frac).ok());
+            most[node] = most[node].zip(natural).map(|(a, b)| a.max(b));
+            // What wraps by design needs the range that it has.
+            if let Some(most) = most[node]
+                && formats[node].overflow != Overflow::Wrap
+            {
+                formats[node].frac = formats[node].frac.min(most);
+            }
+        }
+        formats
+    }
+
     /// The formats of a choice.
     pub(crate) fn formats(&self, levels: &[u8]) -> Vec<Format> {
         let mut formats = self.template.clone();
@@ -165,7 +228,7 @@ impl Space {
                 formats[node] = self.format(node, group.widths[usize::from(level)]);
             }
         }
-        formats
+        self.without_empty_places(formats)
     }
 
     /// Every free node with the same word length.
@@ -176,7 +239,7 @@ impl Space {
                 formats[node] = self.format(node, word);
             }
         }
-        formats
+        self.without_empty_places(formats)
     }
 
     /// Integer bits of each node.

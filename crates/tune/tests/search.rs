@@ -18,40 +18,6 @@ fn options(budget: &str) -> Options {
 }
 
 #[test]
-fn the_default_method_finds_the_optimum_of_small_spaces() {
-    // Four nodes of twelve widths: 20,736 combinations, tried in order of cost; 2 % are 414
-    // evaluations.
-    let problem = problem(100);
-    let widths: Vec<u32> = (6..18).collect();
-    let mut state: u32 = 7;
-    let (mut found, mut most) = (0, 0);
-    const BUDGETS: usize = 100;
-    for _ in 0..BUDGETS {
-        state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-        let exponent = 5.0 + 5.0 * f64::from(state >> 8) / f64::from(1 << 24);
-        let budget = format!("y.rms<={:e}", libm::exp2(-exponent));
-        let with = |method, evaluations| Options {
-            method,
-            widths: widths.clone(),
-            locked: vec!["input".into()],
-            evaluations,
-            ..options(&budget)
-        };
-        let exhaustive = quiet(&problem, &with(Method::Exhaustive, None)).expect("runs");
-        let default = quiet(&problem, &with(Method::Sensitivity, Some(414))).expect("runs");
-        assert_eq!(default.feasible, exhaustive.feasible, "{budget}");
-        found += usize::from(default.best.bits == exhaustive.best.bits);
-        most = most.max(default.evaluations);
-        assert!(
-            default.best.bits >= exhaustive.best.bits,
-            "{budget}: cheaper than the optimum"
-        );
-    }
-    println!("{found} of {BUDGETS} optima, at most {most} evaluations");
-    assert!(found >= 95, "{found} of {BUDGETS}");
-}
-
-#[test]
 fn the_result_does_not_depend_on_the_number_of_threads() {
     let problem = problem(300);
     let with = |threads| Options {

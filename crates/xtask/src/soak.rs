@@ -1,4 +1,5 @@
-//! The long tests: each fuzz target for some minutes, and random programs for 10^9 cycles.
+//! The long tests: each fuzz target for some minutes, random programs for 10^9 cycles, and ten million
+//! random operations in each rounding and overflow mode against exact rationals.
 
 use std::fs;
 
@@ -10,6 +11,9 @@ const FUZZ: &str = "emulator/fuzz";
 pub(crate) const MINUTES: u64 = 10;
 /// Cycles of random programs.
 const CYCLES: &str = "1000000000";
+
+/// Random operations per rounding and overflow mode.
+const OPERATIONS: &str = "10000000";
 
 /// Runs the soak: `minutes` per target. What the fuzzer finds interesting stays under the target
 /// folder; the committed corpus is only read.
@@ -23,6 +27,7 @@ pub(crate) fn soak(minutes: u64) -> Result<bool, String> {
         "random_flash",
     ];
     let mut is_good = run(cargo(&[&arguments[..], &["--", CYCLES]].concat()))?;
+    is_good &= run(arithmetic())?;
     if !succeeds(fuzz(&["--version"])) {
         return Err("the fuzzer is missing; install it: cargo install cargo-fuzz".to_owned());
     }
@@ -48,6 +53,15 @@ pub(crate) fn soak(minutes: u64) -> Result<bool, String> {
         is_good &= run(fuzz(&fuzzing))?;
     }
     Ok(is_good)
+}
+
+/// Deployed rounding and the tunable arithmetic against exact rationals.
+fn arithmetic() -> std::process::Command {
+    let packages = ["-p", "cardan-datapath", "-p", "cardan-numerics"];
+    let tests = ["--test", "rounding", "--test", "exact_law"];
+    let mut test = cargo(&[&["test", "--release"][..], &packages, &tests].concat());
+    test.env("CARDAN_RANDOM_OPERATIONS", OPERATIONS);
+    test
 }
 
 /// cargo-fuzz, which needs what only nightly compilers offer, or one that is told to offer it.

@@ -44,6 +44,7 @@ pub fn problem<A: Datapath>(
     Ok(Problem {
         name: name.to_owned(),
         nodes: nodes::NODES.to_vec(),
+        background: Vec::new(),
         domain_flag: cardan_datapath::DEFAULT_DOMAIN_FLAG,
         tuning: vec![case("tuning", tuning)?],
         held_out: vec![case("held out", held_out)?],

@@ -1,6 +1,6 @@
 //! The attitude as a problem for tuning: recorded runs, their golden references, what budgets name.
 
-use cardan_firmware::nodes::{NODES, Pitch, Roll, Yaw};
+use cardan_firmware::nodes::{Accumulator, NODES, Pitch, Roll, Sample, Yaw};
 use cardan_golden::{Angles, rotation_angle, set_1_matrix};
 use cardan_spec::nodes::SHARED;
 use cardan_spec::timing::{CONVERSIONS_PER_SOLUTION, WARM_UP_SOLUTIONS};
@@ -37,6 +37,7 @@ pub(super) fn problem(tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Resul
     Ok(Problem {
         name: "attitude".to_owned(),
         nodes: NODES.to_vec(),
+        background: vec![index::<Sample>(), index::<Accumulator>()],
         domain_flag: flags::DOMAIN,
         quantities: OUTPUTS.map(quantity).to_vec(),
         combined: vec![Combined {

@@ -78,7 +78,8 @@ impl<'a, 'p> Context<'a, 'p> {
     /// The cost of a choice.
     pub(crate) fn cost_of(&self, levels: &[u8]) -> f64 {
         let tape = &self.prepared[0].case.tape;
-        self.cost.of(tape, &self.space.formats(levels))
+        self.cost
+            .of(self.problem, tape, &self.space.formats(levels))
     }
 
     /// True when a stop rule says so.

@@ -3,6 +3,8 @@
 mod front;
 mod inputs;
 mod options;
+mod relax;
+mod target;
 mod trim;
 
 use self::inputs::{prepare, unexcited, unraised};
@@ -10,11 +12,10 @@ pub use self::options::Options;
 
 use std::time::{Duration, Instant};
 
-use cardan_datapath::{Format, Overflow, Rounding};
-use cardan_numerics::tape::{Interval, bounds};
+use cardan_datapath::Format;
 
 use crate::budget::{Budget, Constraint, Measure};
-use crate::cost::{Coefficients, Cost, area, bits, cycles};
+use crate::cost::{Coefficients, Cost, area, bits, counts};
 use crate::evaluate::{Evaluator, Prepared, Score};
 use crate::noise::sensitivities;
 use crate::outcome::{Candidate, NamedFormats, OnTarget, Outcome, Reached, Verification};
@@ -25,7 +26,7 @@ use crate::search::{Context, Journal, JournalError, Limits, Method, search};
 use crate::space::{LONGEST, Levels, Restrictions, Space, SpaceError, builds};
 
 /// Builds formats and measures them on the target.
-pub type OnTargetFn<'a> = dyn Fn(&[Format]) -> Result<OnTarget, String> + 'a;
+pub type OnTargetFn<'a> = dyn Fn(&[Format]) -> Result<OnTarget, TuneError> + 'a;
 
 /// Progress of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -56,6 +57,9 @@ pub enum TuneError {
     /// The target is needed and not there.
     #[error("{0}")]
     Target(String),
+    /// These formats cannot be built for the target.
+    #[error("{0}")]
+    Unbuildable(String),
 }
 
 /// Tunes the formats of `problem`. `on_target` builds and measures candidates; it is needed where
@@ -78,10 +82,14 @@ pub fn tune(
         widths: options.effective_widths(),
     };
     let integer = found.nodes.iter().map(|range| range.integer).collect();
-    let plain = Space::new(problem, integer, &restrictions)?;
+    let mut plain = Space::new(problem, integer, &restrictions)?;
     let prepared = prepare(problem)?;
     let pool = Pool::new(problem, &budget, &prepared, options.threads);
-    let space = plain.with_integer(&trim::trimmed(problem, &prepared, &pool, &found, &plain));
+    let trimmed = trim::trimmed(problem, &prepared, &pool, &found, &plain);
+    let mut space = plain.with_integer(&trimmed);
+    if matches!(options.cost, Cost::Cycles(_)) {
+        (plain, space) = (plain.in_containers(problem), space.in_containers(problem));
+    }
     let mut run = Run {
         problem,
         options,
@@ -142,16 +150,22 @@ impl Run<'_> {
             uniform.map(|(word, formats)| self.candidate(&format!("uniform {word} bit"), &formats));
         let by_cycles = matches!(self.options.cost, Cost::Cycles(_));
         if by_cycles || self.budget.needs_target() {
-            self.measure(&mut best, &formats)?;
+            self.measured_if_it_fits(&mut best, &formats)?;
             if let Some(uniform) = &mut best_uniform {
                 let formats: Vec<Format> = uniform.formats.0.iter().map(|(_, f)| *f).collect();
                 if builds(self.problem, &formats) {
-                    self.measure(uniform, &formats)?;
+                    self.measured_if_it_fits(uniform, &formats)?;
                 }
             }
         }
-        if by_cycles && let Some((own, cheaper)) = self.cheaper_as_deployed(&best)? {
-            (formats, best) = (own, cheaper);
+        if by_cycles {
+            (best, formats) = self.cheapest_measured(best, formats)?;
+            if best.cycles.is_none() {
+                return Err(TuneError::Target(format!(
+                    "no candidate could be built for the target: {}",
+                    self.warnings.last().map_or("", String::as_str)
+                )));
+            }
         }
         let stretched = |reached: &&Reached| reached.ratio.is_none_or(|ratio| ratio > 1.0);
         let on_target_missed = best
@@ -192,42 +206,15 @@ impl Run<'_> {
             pareto,
             measured: std::mem::take(&mut self.measured),
             verification,
-            sensitivities: sensitivities(self.problem, &formats, false, self.options.seed),
+            sensitivities: sensitivities(self.problem, &formats, true, self.options.seed),
             ranges: ranges.nodes.clone(),
             warnings: std::mem::take(&mut self.warnings),
         })
     }
 
-    /// The deployed formats, if the user's restrictions admit them, they meet the budget and take
-    /// fewer measured cycles: the estimate that the search goes by does not know what a deployed
-    /// arithmetic is fast in.
-    fn cheaper_as_deployed(
-        &mut self,
-        best: &Candidate,
-    ) -> Result<Option<(Vec<Format>, Candidate)>, TuneError> {
-        if !self.options.widths.is_empty() || !self.options.coupled.is_empty() {
-            return Ok(None);
-        }
-        let formats = self.problem.deployed();
-        let is_feasible = self.pool.score(&formats).is_feasible();
-        let mut deployed = self.candidate("deployed", &formats);
-        self.measure(&mut deployed, &formats)?;
-        let is_within = |reached: &Reached| reached.ratio.is_some_and(|ratio| ratio <= 1.0);
-        let is_better =
-            is_feasible && deployed.reached.iter().all(is_within) && deployed.cycles < best.cycles;
-        if !is_better {
-            return Ok(None);
-        }
-        self.warnings.push(
-            "the formats deployed today take fewer measured cycles than what the search found, and \
-             are the result"
-                .into(),
-        );
-        Ok(Some((formats, deployed)))
-    }
-
     fn cost(&self, formats: &[Format]) -> f64 {
-        self.options.cost.of(&self.prepared[0].case.tape, formats)
+        let tape = &self.prepared[0].case.tape;
+        self.options.cost.of(self.problem, tape, formats)
     }
 
     fn candidate(&self, name: &str, formats: &[Format]) -> Candidate {
@@ -250,7 +237,9 @@ impl Run<'_> {
             name: name.to_owned(),
             bits: bits(formats),
             area: own.as_ref().map(|own| area(&own.area, tape, formats)),
-            cycles_estimated: own.as_ref().map(|own| cycles(&own.cycles, tape, formats)),
+            cycles_estimated: own
+                .as_ref()
+                .map(|own| own.cycles.of(&counts(self.problem, tape, formats))),
             error: error
                 .map(|(_, value)| *value)
                 .filter(|value| value.is_finite()),
@@ -343,78 +332,6 @@ impl Run<'_> {
             (None, Some((levels, _))) => (levels, false),
             (None, None) => (widest, false),
         })
-    }
-
-    /// Rounding and overflow: down costs nothing on a controller and is taken wherever the budget
-    /// allows, wrapping wherever no input can overflow.
-    fn relax(&mut self, formats: &mut Vec<Format>) {
-        let noise = sensitivities(self.problem, formats, false, self.options.seed);
-        let share = |node: usize| {
-            let own = noise
-                .iter()
-                .filter(|n| n.node == self.problem.nodes[node].name);
-            own.fold(0.0, |worst: f64, n| worst.max(n.share))
-        };
-        let free: Vec<usize> = self
-            .space
-            .groups
-            .iter()
-            .flat_map(|g| g.nodes.clone())
-            .collect();
-        let mut order: Vec<usize> = free.clone();
-        order.sort_by(|a, b| share(*a).total_cmp(&share(*b)).then(a.cmp(b)));
-        let quiet = order.iter().take_while(|&&node| share(node) == 0.0).count();
-        // Those that the model sees no effect of, at once; the others one by one.
-        let mut steps: Vec<&[usize]> = vec![&order[..quiet]];
-        steps.extend(order[..].chunks(1));
-        for step in steps {
-            let mut next = formats.clone();
-            for &node in step {
-                next[node].rounding = Rounding::Floor;
-            }
-            if next != *formats {
-                self.evaluations += 1;
-                if self.pool.score(&next).is_feasible() {
-                    *formats = next;
-                }
-            }
-        }
-        for &node in &free {
-            let proven = self.problem.tuning.iter().all(|case| {
-                let bound = bounds(&case.tape, &case.ports, formats)[node];
-                bound.is_some_and(|bound| {
-                    let lsb = formats[node].lsb();
-                    Interval::new(bound.lo - lsb, bound.hi + lsb).fits(formats[node])
-                })
-            });
-            if proven && formats[node].overflow == Overflow::Saturate {
-                formats[node].overflow = Overflow::Wrap;
-            }
-        }
-    }
-
-    fn measure(&mut self, candidate: &mut Candidate, formats: &[Format]) -> Result<(), TuneError> {
-        let on_target = self.on_target.ok_or_else(|| {
-            TuneError::Target(
-                "cycles and flash are measured on the target, which needs the firmware's toolchain; \
-                 `cardan doctor` says what is missing"
-                    .into(),
-            )
-        })?;
-        let found = on_target(formats).map_err(TuneError::Target)?;
-        candidate.cycles = Some(found.cycles);
-        candidate.flash = Some(found.flash);
-        candidate.ram = Some(found.ram);
-        for (reached, constraint) in candidate.reached.iter_mut().zip(&self.budget.0) {
-            let value = match constraint.measure {
-                Measure::Cycles => found.cycles,
-                Measure::Flash => found.flash,
-                _ => continue,
-            };
-            (reached.value, reached.ratio) = (Some(value), Some(constraint.ratio(value)));
-        }
-        self.measured.push(candidate.clone());
-        Ok(())
     }
 
     /// The result on every case, held-out ones included, to their ends.

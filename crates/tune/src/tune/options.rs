@@ -62,10 +62,10 @@ impl Options {
     }
 
     /// The allowed word lengths: containers alone count on a controller, unless the user says
-    /// otherwise.
+    /// otherwise; a bit less than the longest leaves room for a carry.
     pub(super) fn effective_widths(&self) -> Vec<u32> {
         if self.widths.is_empty() && matches!(self.cost, Cost::Cycles(_)) {
-            vec![8, 16, 32]
+            vec![8, 16, 31]
         } else {
             self.widths.clone()
         }

@@ -92,6 +92,7 @@ pub(crate) fn problem(count: usize) -> Problem {
     Problem {
         name: "small".to_owned(),
         nodes: NODES.to_vec(),
+        background: Vec::new(),
         domain_flag: 16,
         tuning: vec![case("tuned", 1)],
         held_out: vec![case("held out", 2)],

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use cardan_bench::App;
 use cardan_compare::{Report, Verdict, compare};
 use cardan_datapath::Format;
-use cardan_tune::OnTarget;
+use cardan_tune::{OnTarget, TuneError};
 
 use crate::commands::build::measure::measure;
 use crate::failure::Failure;
@@ -19,22 +19,36 @@ pub(super) fn on_target(
     app: &'static dyn App,
     formats: &[Format],
     output: Output,
-) -> Result<OnTarget, String> {
+) -> Result<OnTarget, TuneError> {
     output.note("building a candidate for the target");
     let declared = toolchain::declared(app.nodes(), formats);
     let built = toolchain::build_board(&BOARDS[0], false, Some(&declared), true)
-        .map_err(|failure| failure.to_string())?;
+        .map_err(|failure| refused(&failure.to_string()))?;
     let measured = measure(&built.file.display().to_string(), &built.elf)
-        .map_err(|failure| failure.to_string())?;
+        .map_err(|failure| TuneError::Target(failure.to_string()))?;
     let cycles = measured
         .solution_own_cycles
         .or(measured.solution_cycles)
-        .ok_or("the candidate computed no solution in the emulator")?;
+        .ok_or_else(|| {
+            let what = "the candidate computed no solution in the emulator";
+            TuneError::Unbuildable(what.to_owned())
+        })?;
     Ok(OnTarget {
         cycles: cycles.mean,
         flash: measured.flash_bytes as f64,
         ram: measured.ram_bytes.map_or(f64::NAN, f64::from),
     })
+}
+
+/// A build that fails in the linker is too large; everything else ends the search.
+fn refused(message: &str) -> TuneError {
+    let too_large = message
+        .lines()
+        .find(|line| line.contains("will not fit") || line.contains("overflowed by"));
+    match too_large {
+        Some(line) => TuneError::Unbuildable(line.trim().to_owned()),
+        None => TuneError::Target(message.to_owned()),
+    }
 }
 
 /// Writes the word lengths into the firmware, rebuilds it, and compares it in the emulator with the

@@ -1,9 +1,14 @@
 //! What formats cost: bits, silicon area, controller cycles.
 
-use cardan_datapath::wordlengths::container_bits;
+mod cycles;
+
 use cardan_datapath::{Format, Overflow, Rounding};
 use cardan_numerics::tape::{NO_NODE, Op, Ref, Tape};
 use serde::{Deserialize, Serialize};
+
+use crate::problem::Problem;
+
+pub use cycles::{Cycles, Pair, counts};
 
 /// Coefficients that are part of this crate; a file of the same shape may replace them.
 const COEFFICIENTS: &str = include_str!("coefficients.toml");
@@ -49,28 +54,6 @@ pub struct Area {
     pub saturation: f64,
 }
 
-/// Cycles per operation in intermediates of 8, 16, 32 and 64 bits.
-#[derive(Clone, Debug, PartialEq, Deserialize, Serialize)]
-#[serde(deny_unknown_fields)]
-pub struct Cycles {
-    /// Sum, negation, selection, comparison.
-    pub add: [f64; 4],
-    /// Product.
-    pub multiply: [f64; 4],
-    /// Quotient.
-    pub divide: [f64; 4],
-    /// Square root.
-    pub root: [f64; 4],
-    /// Shift of the intermediate, per bit that is no whole byte.
-    pub shift: [f64; 4],
-    /// Rounding to nearest.
-    pub round: [f64; 4],
-    /// Saturation.
-    pub saturate: [f64; 4],
-    /// What a step takes besides.
-    pub fixed: f64,
-}
-
 impl Coefficients {
     /// The bundled coefficients.
     ///
@@ -98,11 +81,11 @@ pub fn bits(formats: &[Format]) -> u64 {
 impl Cost {
     /// The cost of `formats` for an algorithm.
     #[must_use]
-    pub fn of(&self, tape: &Tape, formats: &[Format]) -> f64 {
+    pub fn of(&self, problem: &Problem, tape: &Tape, formats: &[Format]) -> f64 {
         match self {
             Self::Bits => bits(formats) as f64,
             Self::Area(coefficients) => area(&coefficients.area, tape, formats),
-            Self::Cycles(coefficients) => cycles(&coefficients.cycles, tape, formats),
+            Self::Cycles(coefficients) => coefficients.cycles.of(&counts(problem, tape, formats)),
         }
     }
 
@@ -198,45 +181,4 @@ fn is_rounded(tape: &Tape, formats: &[Format], entry: &cardan_numerics::tape::En
     let own = formats[entry.node as usize];
     let (frac, _) = exact(tape, formats, entry.op, own);
     frac > own.frac || matches!(entry.op, Op::Div(..) | Op::Sqrt(_))
-}
-
-/// Cycles by the container of each operation's intermediate.
-#[must_use]
-pub fn cycles(cycles: &Cycles, tape: &Tape, formats: &[Format]) -> f64 {
-    let mut sum = cycles.fixed;
-    for entry in &tape.steady {
-        const TRUTH: Format = Format::new(1, 0, Rounding::Floor, Overflow::Wrap);
-        let own = formats.get(entry.node as usize).copied().unwrap_or(TRUTH);
-        let (frac, bits) = exact(tape, formats, entry.op, own);
-        let aligned = bits + own.frac.saturating_sub(frac);
-        let size = match container_bits(aligned.min(64)) {
-            8 => 0,
-            16 => 1,
-            32 => 2,
-            _ => 3,
-        };
-        sum += match entry.op {
-            Op::Add(..) | Op::Sub(..) | Op::Neg(_) | Op::Abs(_) | Op::Select(..) | Op::Less(..) => {
-                cycles.add[size]
-            }
-            Op::Mul(..) => cycles.multiply[size],
-            Op::Div(..) => cycles.divide[size],
-            Op::Sqrt(_) => cycles.root[size],
-            _ => 0.0,
-        };
-        if entry.node == NO_NODE || !entry.op.is_recorded() {
-            continue;
-        }
-        let moved = frac.abs_diff(own.frac);
-        if moved > 0 {
-            sum += cycles.shift[size] * f64::from(moved % 8);
-            if frac > own.frac && own.rounding != Rounding::Floor {
-                sum += cycles.round[size];
-            }
-        }
-        if own.overflow != Overflow::Wrap && aligned > own.word {
-            sum += cycles.saturate[size];
-        }
-    }
-    sum
 }

@@ -1,0 +1,68 @@
+//! Rounding and overflow mode per node: what costs least and still meets the budget.
+
+use cardan_datapath::{Format, Overflow, Rounding};
+use cardan_numerics::tape::{Interval, bounds};
+
+use super::Run;
+use crate::noise::sensitivities;
+
+impl Run<'_> {
+    /// Rounding down wherever it costs no more than to nearest and the budget allows, wrapping wherever
+    /// it costs no more than saturation and no input can overflow.
+    pub(super) fn relax(&mut self, formats: &mut Vec<Format>) {
+        let mut order = self.quietest_first(formats);
+        let quiet = order.iter().take_while(|(_, share)| *share == 0.0).count();
+        let nodes: Vec<usize> = order.drain(..).map(|(node, _)| node).collect();
+        // Those that the model sees no effect of, at once; the others one by one.
+        let mut steps: Vec<&[usize]> = vec![&nodes[..quiet]];
+        steps.extend(nodes.chunks(1));
+        for step in steps {
+            let mut next = formats.clone();
+            for &node in step {
+                next[node].rounding = Rounding::Floor;
+            }
+            if next != *formats && self.cost(&next) <= self.cost(formats) {
+                self.evaluations += 1;
+                if self.pool.score(&next).is_feasible() {
+                    *formats = next;
+                }
+            }
+        }
+        for &node in &nodes {
+            let mut next = formats.clone();
+            next[node].overflow = Overflow::Wrap;
+            if formats[node].overflow == Overflow::Saturate
+                && self.cost(&next) <= self.cost(formats)
+                && self.cannot_overflow(node, formats)
+            {
+                *formats = next;
+            }
+        }
+    }
+
+    /// Free nodes with their largest shares of the error, ascending.
+    fn quietest_first(&self, formats: &[Format]) -> Vec<(usize, f64)> {
+        let noise = sensitivities(self.problem, formats, false, self.options.seed);
+        let share = |node: usize| {
+            let own = noise
+                .iter()
+                .filter(|n| n.node == self.problem.nodes[node].name);
+            own.fold(0.0, |worst: f64, n| worst.max(n.share))
+        };
+        let free = self.space.groups.iter().flat_map(|group| &group.nodes);
+        let mut order: Vec<(usize, f64)> = free.map(|&node| (node, share(node))).collect();
+        order.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+        order
+    }
+
+    /// Whether the derived bounds of every case leave room in the node's format.
+    fn cannot_overflow(&self, node: usize, formats: &[Format]) -> bool {
+        self.problem.tuning.iter().all(|case| {
+            let bound = bounds(&case.tape, &case.ports, formats)[node];
+            bound.is_some_and(|bound| {
+                let lsb = formats[node].lsb();
+                Interval::new(bound.lo - lsb, bound.hi + lsb).fits(formats[node])
+            })
+        })
+    }
+}
