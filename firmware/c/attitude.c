@@ -13,7 +13,7 @@
 
 /* The shifts below are those of the formats with this hash. After a change of formats (and
  * `cargo xtask c-header`) adapt them, then copy the new hash from nodes.h. */
-#if CARDAN_FORMATS_HASH != 0x10d803b8431d51d8
+#if CARDAN_FORMATS_HASH != 0xa8f7790cc5a098c9
 #error "attitude.c is written for other formats than nodes.h has: adapt its shifts, then this hash"
 #endif
 
@@ -173,14 +173,6 @@ static int16_t angle(int16_t sine, int16_t cosine, const int16_t *length)
     return assemble(x, s < c, sine < 0, cosine < 0);
 }
 
-/* A sum over full scale: 512 codes, AVERAGING conversions; exact. */
-static int16_t average(int16_t sum)
-{
-    int16_t twice = add_limited(sum, sum);
-
-    return publish(NODE_AVERAGE, add_limited(twice, twice));
-}
-
 /* gain (x, y), a row of a matrix by a vector. */
 static int16_t row(enum cardan_node node, enum cardan_node part, const int16_t gain[2], int16_t x,
                    int16_t y, uint8_t places)
@@ -192,18 +184,16 @@ static int16_t row(enum cardan_node node, enum cardan_node part, const int16_t g
 }
 
 /* Offsets and matrices: averages over full scale to g and to parts of the field. */
-static struct readings calibrate(const int16_t sums[CHANNELS])
+static struct readings calibrate(const int16_t averages[CHANNELS])
 {
     struct readings r;
     int16_t a[CHANNELS];
     uint8_t channel;
 
-    for (channel = 0; channel < CHANNELS; channel++)
-        a[channel] = average(sums[channel]);
     for (channel = 0; channel < CHANNELS; channel++) {
         int16_t offset = channel < 2 ? calibration.tilt_offset[channel]
                                      : calibration.field_offset[channel - 2];
-        a[channel] = subtract(NODE_CENTRED, a[channel], offset);
+        a[channel] = subtract(NODE_CENTRED, averages[channel], offset);
     }
     r.t1 = row(NODE_TILT_X, NODE_TILT_PRODUCT, calibration.tilt_gain[0], a[0], a[1], 15);
     r.t2 = row(NODE_TILT_Y, NODE_TILT_PRODUCT, calibration.tilt_gain[1], a[0], a[1], 15);
@@ -384,13 +374,13 @@ static void check_validity(const struct readings *r, int16_t down_square)
     raise(DISTURBED, residual > RESIDUAL_LIMIT);
 }
 
-void solve(const int16_t sums[CHANNELS], struct solution *solution)
+void solve(const int16_t averages[CHANNELS], struct solution *solution)
 {
     struct readings readings;
     struct tilt tilt;
 
     flags = 0;
-    readings = calibrate(sums);
+    readings = calibrate(averages);
     tilt = tilt_of(&readings);
     solution->pitch =
         publish(NODE_PITCH, subtract_wrapped(0, angle(readings.t1, tilt.cos_1, 0)));

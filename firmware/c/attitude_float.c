@@ -9,7 +9,7 @@
 #include "cardan_tap.h"
 #include "solver.h"
 
-#define FULL_SCALE (512.0f * AVERAGING)
+#define FULL_SCALE 32768.0f
 #define PI 3.14159265f
 #define DOMAIN_LIMIT 1.125f
 #define LEAST_EAST 0.01f
@@ -84,20 +84,20 @@ static int16_t to_half_turns(float radians)
     return (int16_t)(uint16_t)lrintf(radians * (32768.0f / PI));
 }
 
-/* Offsets and matrices: sums to g and to parts of the field. */
-static struct readings calibrate(const int16_t sums[CHANNELS])
+/* Offsets and matrices: averages to g and to parts of the field. */
+static struct readings calibrate(const int16_t averages[CHANNELS])
 {
     const float *offset = calibration;
     const float *tilt = &calibration[TILT_MATRIX];
     const float *field = &calibration[FIELD_MATRIX];
-    float x = sums[0] * (1 / FULL_SCALE) - offset[TILT_OFFSET];
-    float y = sums[1] * (1 / FULL_SCALE) - offset[TILT_OFFSET + 1];
+    float x = averages[0] * (1 / FULL_SCALE) - offset[TILT_OFFSET];
+    float y = averages[1] * (1 / FULL_SCALE) - offset[TILT_OFFSET + 1];
     struct readings r;
 
     r.t1 = tilt[0] * x + tilt[1] * y;
     r.t2 = tilt[2] * x + tilt[3] * y;
-    x = sums[2] * (1 / FULL_SCALE) - offset[FIELD_OFFSET];
-    y = sums[3] * (1 / FULL_SCALE) - offset[FIELD_OFFSET + 1];
+    x = averages[2] * (1 / FULL_SCALE) - offset[FIELD_OFFSET];
+    y = averages[3] * (1 / FULL_SCALE) - offset[FIELD_OFFSET + 1];
     r.b1 = field[0] * x + field[1] * y;
     r.b2 = field[2] * x + field[3] * y;
     return r;
@@ -185,13 +185,13 @@ static void check_validity(const struct readings *r, float down_square)
           fabsf(dip_product * dip_product - down_square * field_z_square) > RESIDUAL_LIMIT);
 }
 
-void solve(const int16_t sums[CHANNELS], struct solution *solution)
+void solve(const int16_t averages[CHANNELS], struct solution *solution)
 {
     struct readings readings;
     struct tilt tilt;
 
     flags = 0;
-    readings = calibrate(sums);
+    readings = calibrate(averages);
     tilt = tilt_of(&readings);
     solution->pitch = to_half_turns(-asinf(clamp(readings.t1)));
     solution->roll = to_half_turns(asinf(clamp(tilt.sin_roll)));

@@ -3,7 +3,8 @@
  * Timer1 counts 0..499 and toggles OC1A (PB1, the 16 kHz carrier) and OC1B (PB2, the strobe, a quarter
  * period later). The same compare match B triggers the converter, which holds 259 cycles later; its
  * interrupt re-arms the trigger, so that a conversion begins every 2000 cycles. 16 conversions of each
- * of 4 channels make a solution, every 8 ms. PB5 is high while one is computed.
+ * of 4 channels make a block, every 8 ms; the EEPROM says how many conversions are averaged and after how
+ * many a solution follows. PB5 is high while one is computed.
  */
 #include <avr/eeprom.h>
 #include <avr/interrupt.h>
@@ -13,12 +14,16 @@
 #include <util/crc16.h>
 
 #include "cardan_tap.h"
+#include "fixed.h"
 #include "solver.h"
 
-#define PER_SOLUTION (AVERAGING * CHANNELS)
-/* Solutions tell themselves apart by the conversion count modulo 256. */
-#define SOLUTIONS (256 / PER_SOLUTION)
-#define WARM_UP_SOLUTIONS 12
+#define BLOCK_ROUNDS 16
+#define PER_BLOCK (BLOCK_ROUNDS * CHANNELS)
+/* Blocks tell themselves apart by the conversion count modulo 256. */
+#define BLOCKS (256 / PER_BLOCK)
+#define WARM_UP_BLOCKS 12
+#define LEAST_PERIOD_LOG2 4
+#define MOST_LOG2 12
 #define HALF_CARRIER 500
 #define STROBE_COUNT 249
 #define REFERENCE_AVCC _BV(REFS0)
@@ -30,7 +35,8 @@
 static volatile int16_t bank[2][CHANNELS];
 static volatile uint8_t turn; /* number of the next conversion */
 static volatile uint8_t clipped; /* last conversion with a code at an end of the scale, or the one after */
-static volatile bool is_settled;
+static volatile uint8_t first = PER_BLOCK; /* first conversion of a block that is summed; none yet */
+static uint8_t first_summed; /* the same after the warm-up */
 static volatile bool is_late;
 
 ISR(ADC_vect)
@@ -49,30 +55,30 @@ ISR(ADC_vect)
         is_late = true;
     ADMUX = REFERENCE_AVCC | ((now + 1) % CHANNELS);
     turn = now + 1;
-    if (!is_settled)
+    if (now % PER_BLOCK < first)
         return;
     if (code == 0 || code == LAST_CODE)
         clipped = now | 1;
     sample = (int16_t)code - CENTRE_CODE;
     cardan_tap(NODE_SAMPLE, sample);
-    sum = &bank[now / PER_SOLUTION % 2][now % CHANNELS];
+    sum = &bank[now / PER_BLOCK % 2][now % CHANNELS];
     *sum += sample;
     cardan_tap(NODE_ACCUMULATOR, *sum);
 }
 
-struct averages {
+struct block {
     int16_t sums[CHANNELS];
     bool is_clipped;
     bool is_late;
 };
 
-/* A complete solution's sums, once. Call with interrupts disabled. */
-static bool take(struct averages *averages)
+/* A complete block's sums, once. Call with interrupts disabled. */
+static bool take(struct block *block)
 {
     static uint8_t awaited;
-    static uint8_t warm_up = WARM_UP_SOLUTIONS;
-    uint8_t current = turn / PER_SOLUTION;
-    uint8_t ended = (uint8_t)(current - awaited) % SOLUTIONS;
+    static uint8_t warm_up = WARM_UP_BLOCKS;
+    uint8_t current = turn / PER_BLOCK;
+    uint8_t ended = (uint8_t)(current - awaited) % BLOCKS;
     uint8_t filled = awaited % 2;
     uint8_t channel;
 
@@ -81,35 +87,89 @@ static bool take(struct averages *averages)
     awaited = current;
     if (warm_up > 0) {
         warm_up = warm_up > ended ? warm_up - ended : 0;
-        is_settled = warm_up == 0;
+        if (warm_up == 0)
+            first = first_summed;
         is_late = false; /* the first conversion after reset takes longer than the others */
         return false;
     }
     for (channel = 0; channel < CHANNELS; channel++) {
-        averages->sums[channel] = bank[filled][channel];
+        block->sums[channel] = bank[filled][channel];
         bank[filled][channel] = 0;
     }
-    averages->is_clipped = clipped != 0;
-    if (clipped / PER_SOLUTION == (uint8_t)(current - 1) % SOLUTIONS)
+    block->is_clipped = clipped != 0;
+    if (clipped / PER_BLOCK == (uint8_t)(current - 1) % BLOCKS)
         clipped = 0;
-    averages->is_late = is_late || ended > 1;
+    block->is_late = is_late || ended > 1;
     is_late = false;
     return true;
 }
 
-/* Sleeps until a solution's sums are complete. */
-static void wait(struct averages *averages)
+/* Sleeps until a block's sums are complete. */
+static void wait(struct block *block)
 {
     for (;;) {
         bool is_taken;
 
         cli();
-        is_taken = take(averages);
+        is_taken = take(block);
         sei();
         /* SEI lets one more instruction run, SLEEP: no interrupt comes in between. */
         if (is_taken)
             return;
         sleep_cpu();
+    }
+}
+
+/* The blocks of a period, and how many at its end count. */
+static uint16_t period;
+static uint16_t counted;
+/* A sum takes so many fractional bits of the average over full scale, of 21: exact up to 4096. */
+static uint8_t scale;
+
+static void start_averaging(uint8_t log2, uint8_t period_log2)
+{
+    uint8_t summed = log2 < LEAST_PERIOD_LOG2 ? log2 : LEAST_PERIOD_LOG2;
+
+    first_summed = PER_BLOCK - (CHANNELS << summed);
+    period = (uint16_t)1 << (period_log2 - LEAST_PERIOD_LOG2);
+    counted = (uint16_t)1 << (log2 - summed);
+    scale = MOST_LOG2 - log2;
+}
+
+struct averages {
+    int16_t values[CHANNELS]; /* over full scale, with 15 fractional bits */
+    bool is_clipped;
+    bool is_late;
+};
+
+/* Sleeps until a solution's averages are complete. */
+static void average(struct averages *averages)
+{
+    int32_t means[CHANNELS] = {0};
+    uint16_t left;
+    uint8_t channel;
+
+    averages->is_clipped = false;
+    averages->is_late = false;
+    for (left = period; left > 0; left--) {
+        struct block block;
+
+        wait(&block);
+        averages->is_late |= block.is_late;
+        if (left > counted)
+            continue;
+        averages->is_clipped |= block.is_clipped;
+        for (channel = 0; channel < CHANNELS; channel++) {
+            int32_t part = (int32_t)block.sums[channel] * ((int32_t)1 << scale);
+
+            cardan_tap(NODE_BLOCK, part);
+            means[channel] += part;
+            cardan_tap(NODE_MEAN, means[channel]);
+        }
+    }
+    for (channel = 0; channel < CHANNELS; channel++) {
+        averages->values[channel] = round_shift(means[channel], 6);
+        cardan_tap(NODE_AVERAGE, averages->values[channel]);
     }
 }
 
@@ -169,7 +229,7 @@ static uint8_t *put(uint8_t *to, uint16_t word)
     return to + sizeof word;
 }
 
-static void send_frame(uint16_t sequence, const int16_t sums[CHANNELS], const struct solution *solution)
+static void send_frame(uint16_t sequence, const int16_t averages[CHANNELS], const struct solution *solution)
 {
     uint8_t payload[PAYLOAD_LEN];
     uint8_t wire[WIRE_LEN];
@@ -177,7 +237,7 @@ static void send_frame(uint16_t sequence, const int16_t sums[CHANNELS], const st
     uint8_t i, start = 0;
 
     for (i = 0; i < CHANNELS; i++)
-        to = put(to, (uint16_t)sums[i]);
+        to = put(to, (uint16_t)averages[i]);
     to = put(to, (uint16_t)solution->yaw);
     to = put(to, (uint16_t)solution->pitch);
     to = put(to, (uint16_t)solution->roll);
@@ -241,15 +301,17 @@ static void send_text(uint16_t sequence, const struct solution *solution)
     send(line, (uint8_t)(to - line));
 }
 
-/* ---- Calibration: from EEPROM, else nominal sensors at the reference site. ---- */
+/* ---- Settings: from EEPROM, else nominal sensors at the reference site. ---- */
 
 #define MAGIC 0xCA1D
-#define VERSION 1
+#define VERSION 2
 
 struct calibration_image {
     uint16_t magic;
     uint8_t version;
     uint8_t count;
+    uint8_t averaging_log2;
+    uint8_t period_log2;
     int32_t words[CALIBRATION_WORDS];
     uint16_t crc;
 };
@@ -270,10 +332,13 @@ static uint16_t start_solver(void)
 
     eeprom_read_block(&image, (const void *)0, sizeof image);
     if (image.magic == MAGIC && image.version == VERSION && image.count == CALIBRATION_WORDS &&
-        image.crc == crc16((const uint8_t *)&image, sizeof image - sizeof image.crc)) {
+        image.averaging_log2 <= image.period_log2 && image.period_log2 >= LEAST_PERIOD_LOG2 &&
+        image.period_log2 <= MOST_LOG2 && image.crc == crc16((const uint8_t *)&image, sizeof image - sizeof image.crc)) {
+        start_averaging(image.averaging_log2, image.period_log2);
         solver_start(image.words);
         return 0;
     }
+    start_averaging(LEAST_PERIOD_LOG2, LEAST_PERIOD_LOG2);
     solver_start(NOMINAL);
     return UNCALIBRATED;
 }
@@ -345,10 +410,10 @@ int main(void)
         struct averages averages;
         struct solution solution;
 
-        wait(&averages);
+        average(&averages);
         is_text = obey(is_text);
         PORTB |= _BV(PB5);
-        solve(averages.sums, &solution);
+        solve(averages.values, &solution);
         solution.flags |= always;
         if (averages.is_clipped)
             solution.flags |= SATURATION;
@@ -358,6 +423,6 @@ int main(void)
         if (is_text)
             send_text(sequence, &solution);
         else
-            send_frame(sequence, averages.sums, &solution);
+            send_frame(sequence, averages.values, &solution);
     }
 }

@@ -7,8 +7,6 @@
 
 /* Sensor channels in conversion order: tilt x, tilt y, field x, field y. */
 #define CHANNELS 4
-/* Conversions summed per channel and solution. */
-#define AVERAGING 16
 /* Calibration words, with CALIBRATION_FRAC fractional bits. */
 #define CALIBRATION_WORDS 15
 #define CALIBRATION_FRAC 28
@@ -46,7 +44,7 @@ struct solution {
 void solver_start(const int32_t calibration[CALIBRATION_WORDS]);
 /* Somebody knows that the device is upright now. */
 void solver_set_upright(void);
-/* The attitude from one solution's sums of bipolar codes. */
-void solve(const int16_t sums[CHANNELS], struct solution *solution);
+/* The attitude from one solution's averages over full scale, with 15 fractional bits. */
+void solve(const int16_t averages[CHANNELS], struct solution *solution);
 
 #endif

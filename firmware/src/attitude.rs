@@ -8,21 +8,21 @@
 //! readings, never from angles.
 
 use cardan_datapath::{Arithmetic, Constant, Node, Value};
-use cardan_spec::{CHANNELS, DOMAIN_MARGIN, FIELD_RESIDUAL_LIMIT, flags, timing};
+use cardan_spec::{CHANNELS, DOMAIN_MARGIN, FIELD_RESIDUAL_LIMIT, flags};
 use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM, YAW_LEAST_EAST_SQUARE};
 
-use crate::averaging::Sums;
+use crate::averaging::Averages;
 use crate::calibration::Calibration;
 use crate::inverse;
 use crate::nodes::{
-    Accumulator, AsinArgument, Average, Centred, Cos1, Cos2, CosRoll, Cross1, Cross2, DipPart,
-    DipProduct, Down, DownSquare, EastX, FieldProduct, FieldX, FieldY, FieldZSquare, HeadingCos1,
-    HeadingCos2, HeadingMagnitude, HeadingSin1, HeadingSin2, LeastShare, LeastSum, LevelCos,
-    LevelSin, LevelX, LevelY, Limit, MatrixLength, MatrixTerm, NorthX, One, Pitch, Radicand,
-    ReadingsPart, ReadingsSum, Residual, ResidualPart, Rest, Roll, RollSquare, Scale, ScalePart,
-    SinRoll, Square, TiltCross, TiltProduct, TiltX, TiltY, Twist1, TwistPart, UnitArgument,
-    Vertical, VerticalSum, Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw,
-    Yaw1, Yaw2, YawCorrection, YawDifference, YawFresh,
+    AsinArgument, Average, Centred, Cos1, Cos2, CosRoll, Cross1, Cross2, DipPart, DipProduct, Down,
+    DownSquare, EastX, FieldProduct, FieldX, FieldY, FieldZSquare, HeadingCos1, HeadingCos2,
+    HeadingMagnitude, HeadingSin1, HeadingSin2, LeastShare, LeastSum, LevelCos, LevelSin, LevelX,
+    LevelY, Limit, MatrixLength, MatrixTerm, NorthX, One, Pitch, Radicand, ReadingsPart,
+    ReadingsSum, Residual, ResidualPart, Rest, Roll, RollSquare, Scale, ScalePart, SinRoll, Square,
+    TiltCross, TiltProduct, TiltX, TiltY, Twist1, TwistPart, UnitArgument, Vertical, VerticalSum,
+    Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw, Yaw1, Yaw2, YawCorrection,
+    YawDifference, YawFresh,
 };
 
 macro_rules! constants {
@@ -103,16 +103,16 @@ struct Tilt<M: Arithmetic> {
     down_square: Value<M, DownSquare>,
 }
 
-/// Computes the attitude from one solution's sums. Status bits are raised in `m`.
+/// Computes the attitude from one solution's averages. Status bits are raised in `m`.
 #[inline(always)]
 pub fn solve<M: Arithmetic>(
     m: &M,
     calibration: &Calibration<M>,
     state: &mut State<M>,
-    sums: &Sums<M>,
+    averages: &Averages<M>,
 ) -> Angles<M> {
-    m.raise(flags::SATURATION, m.truth(sums.clipped));
-    let readings = calibrate(m, calibration, &sums.sums);
+    m.raise(flags::SATURATION, m.truth(averages.clipped));
+    let readings = calibrate(m, calibration, &averages.values);
     let tilt = tilt(m, &readings);
     let pitch = m.neg::<Pitch, _>(inverse::angle(m, readings.t1, tilt.cos_1, |x| same(m, x)));
     let roll = inverse::angle(m, tilt.sin_roll, tilt.cos_roll, |x| same(m, x));
@@ -142,12 +142,8 @@ fn check_domain<M: Arithmetic, A: Node>(m: &M, a: Value<M, A>) {
 fn calibrate<M: Arithmetic>(
     m: &M,
     calibration: &Calibration<M>,
-    sums: &[Value<M, Accumulator>; CHANNELS],
+    averages: &[Value<M, Average>; CHANNELS],
 ) -> Readings<M> {
-    // Over full scale: 512 codes, and as many conversions as were summed.
-    const SCALE: i32 = -(9 + timing::AVERAGING_LOG2 as i32);
-    let average = |channel: usize| m.shift::<Average, Accumulator, SCALE>(sums[channel]);
-    let averages = [average(0), average(1), average(2), average(3)];
     let centred =
         |channel: usize, offset| -> Value<M, Centred> { m.sub(averages[channel], offset) };
     let tilt = [

@@ -1,39 +1,35 @@
-//! Per-channel averaging of interleaved conversions, in the sample interrupt.
+//! Per-channel averaging of interleaved conversions: blocks in the sample interrupt, averages of any
+//! power of two in the main loop.
 //!
-//! The interrupt only adds and counts. Two banks of sums: while it fills one, the main loop takes the
-//! other, and finds out by the count that a solution is complete.
+//! The interrupt only adds and counts. It sums the last conversions of each block (all of them, unless
+//! fewer are averaged) in two banks: while it fills one, the main loop takes the other, and finds out by
+//! the count that a block is complete. The main loop adds the blocks that count to a wide sum.
 
 use cardan_datapath::{Arithmetic, Value};
 use cardan_spec::CHANNELS;
-use cardan_spec::timing::{CONVERSIONS_PER_SOLUTION, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_units::AdcCode;
 
-use crate::nodes::{Accumulator, Sample};
+use crate::nodes::{Accumulator, Average, Block, Mean, Sample};
 
-/// Sums of one solution's conversions.
+/// Sums of a block's conversions.
 pub struct Sums<M: Arithmetic> {
     /// Sum of the bipolar codes per channel, in conversion order.
     pub sums: [Value<M, Accumulator>; CHANNELS],
     /// A code stood at either end of the scale.
     pub clipped: bool,
+    /// A conversion or a block was late since the last block.
+    pub late: bool,
 }
 
-impl<M: Arithmetic> Clone for Sums<M> {
-    fn clone(&self) -> Self {
-        *self
-    }
-}
-
-impl<M: Arithmetic> Copy for Sums<M> {}
-
-impl<M: Arithmetic> Sums<M> {
-    /// No conversions yet.
-    pub fn zero(m: &M) -> Self {
-        Self {
-            sums: [m.constant::<Accumulator, Zero>(); CHANNELS],
-            clipped: false,
-        }
-    }
+/// Averages of a solution's conversions.
+pub struct Averages<M: Arithmetic> {
+    /// Over full scale, per channel, in conversion order.
+    pub values: [Value<M, Average>; CHANNELS],
+    /// A code stood at either end of the scale.
+    pub clipped: bool,
+    /// A conversion or a block was late since the last solution.
+    pub late: bool,
 }
 
 struct Zero;
@@ -43,7 +39,7 @@ impl cardan_datapath::Constant for Zero {
 
 const BANKS: u8 = 2;
 const SUMS: usize = BANKS as usize * CHANNELS;
-const PER_SOLUTION: u8 = CONVERSIONS_PER_SOLUTION as u8;
+const PER_BLOCK: u8 = BLOCK_CONVERSIONS as u8;
 
 /// Number of a conversion since the start, modulo 256.
 #[derive(Clone, Copy)]
@@ -56,16 +52,16 @@ impl Turn {
         self.0.wrapping_add(1) % CHANNELS as u8
     }
 
-    /// The solution that it belongs to, modulo 256 / [`CONVERSIONS_PER_SOLUTION`].
-    const fn solution(self) -> u8 {
-        self.0 / PER_SOLUTION
+    /// The block that it belongs to, modulo 256 / [`BLOCK_CONVERSIONS`].
+    const fn block(self) -> u8 {
+        self.0 / PER_BLOCK
     }
 
     /// Where its sum is.
     #[inline(always)]
     const fn at(self) -> usize {
         let channel = self.0 % CHANNELS as u8;
-        let odd = self.0 & PER_SOLUTION != 0;
+        let odd = self.0 & PER_BLOCK != 0;
         (if odd {
             channel | CHANNELS as u8
         } else {
@@ -75,39 +71,41 @@ impl Turn {
     }
 }
 
-/// Takes conversions in turn from channel 0 to the last, and again.
+/// Sums conversions, which come in turn from channel 0 to the last, and again, block by block.
 pub struct Averager<M: Arithmetic> {
     sums: [Value<M, Accumulator>; SUMS],
     /// The last conversion with a code at either end of the scale, or the one after it; 0: none.
     clipped: u8,
     /// Number of the next conversion.
     turn: Turn,
-    /// The warm-up is over.
-    settled: bool,
+    /// The first conversion of a block that is summed; none of the warm-up's is.
+    first: u8,
     late: bool,
-    /// Of the main loop: the solution whose end it waits for, modulo as in [`Turn::solution`].
+    /// Of the main loop: the block whose end it waits for, modulo as in [`Turn::block`].
     awaited: u8,
-    /// Of the main loop: solutions' worth of conversions still to be ignored while the analog
-    /// filters settle.
+    /// Of the main loop: blocks still to be ignored while the analog filters settle.
     warm_up: u8,
+    /// Of the main loop: what [`Averager::first`] is after the warm-up.
+    first_summed: u8,
 }
 
 impl<M: Arithmetic> Averager<M> {
     /// Starts with the warm-up.
-    pub fn new(m: &M) -> Self {
+    pub fn new(m: &M, averaging: Averaging) -> Self {
         const {
-            // The count wraps with the banks, and tells solutions apart while one is late.
-            assert!(CONVERSIONS_PER_SOLUTION.is_power_of_two() && CONVERSIONS_PER_SOLUTION <= 64);
-            assert!(CHANNELS.is_power_of_two() && WARM_UP_SOLUTIONS < 256);
+            // The count wraps with the banks, and tells blocks apart while one is late.
+            assert!(BLOCK_CONVERSIONS.is_power_of_two() && BLOCK_CONVERSIONS <= 64);
+            assert!(CHANNELS.is_power_of_two() && WARM_UP_BLOCKS < 256);
         }
         Self {
             sums: [m.constant::<Accumulator, Zero>(); SUMS],
             clipped: 0,
             turn: Turn(0),
-            settled: false,
+            first: PER_BLOCK,
             late: false,
             awaited: 0,
-            warm_up: WARM_UP_SOLUTIONS as u8,
+            warm_up: WARM_UP_BLOCKS as u8,
+            first_summed: PER_BLOCK - averaging.summed_conversions() as u8,
         }
     }
 
@@ -127,7 +125,7 @@ impl<M: Arithmetic> Averager<M> {
     #[inline(always)]
     pub fn add(&mut self, m: &M, turn: Turn, code: AdcCode) {
         self.turn = Turn(turn.0.wrapping_add(1));
-        if !self.settled {
+        if turn.0 % PER_BLOCK < self.first {
             return;
         }
         // First, so that the interrupt needs the turn no longer when it adds.
@@ -139,42 +137,132 @@ impl<M: Arithmetic> Averager<M> {
         *sum = m.add(*sum, sample);
     }
 
-    /// The sums of a complete solution, once, and whether something was late since the last. Call at
-    /// least once per solution, and not while [`Averager::add`] may interrupt it. (A solution's sums
-    /// that nobody takes are added to those of the next but one, which is flagged late.)
-    pub fn take(&mut self, m: &M) -> Option<(Sums<M>, bool)> {
-        const SOLUTIONS: u8 = (256 / CONVERSIONS_PER_SOLUTION) as u8;
-        let ended = self.turn.solution().wrapping_sub(self.awaited) % SOLUTIONS;
+    /// The sums of a complete block, once. Call at least once per block, and not while
+    /// [`Averager::add`] may interrupt it. (Sums that nobody takes are added to those of the next block
+    /// but one, which is marked late.)
+    pub fn take(&mut self, m: &M) -> Option<Sums<M>> {
+        const BLOCKS: u8 = (256 / BLOCK_CONVERSIONS) as u8;
+        let ended = self.turn.block().wrapping_sub(self.awaited) % BLOCKS;
         if ended == 0 {
             return None;
         }
-        let last = self.turn.solution().wrapping_sub(1) % SOLUTIONS;
+        let last = self.turn.block().wrapping_sub(1) % BLOCKS;
         let bank = usize::from(self.awaited % BANKS);
-        self.awaited = self.turn.solution();
+        self.awaited = self.turn.block();
         if self.warm_up > 0 {
             self.warm_up = self.warm_up.saturating_sub(ended);
-            self.settled = self.warm_up == 0;
+            if self.warm_up == 0 {
+                self.first = self.first_summed;
+            }
             // The first conversion after reset takes longer than the others.
             self.late = false;
             return None;
         }
-        let mut done = Sums::zero(m);
+        let mut sums = [m.constant::<Accumulator, Zero>(); CHANNELS];
         let filled = self.sums.chunks_exact_mut(CHANNELS).nth(bank);
-        for (sum, into) in filled.into_iter().flatten().zip(&mut done.sums) {
+        for (sum, into) in filled.into_iter().flatten().zip(&mut sums) {
             *into = *sum;
             *sum = m.constant::<Accumulator, Zero>();
         }
-        done.clipped = self.clipped != 0;
-        if Turn(self.clipped).solution() == last {
+        let clipped = self.clipped != 0;
+        if Turn(self.clipped).block() == last {
             self.clipped = 0;
         }
         let late = core::mem::take(&mut self.late) || ended > 1;
-        Some((done, late))
+        Some(Sums {
+            sums,
+            clipped,
+            late,
+        })
+    }
+}
+
+/// Adds the blocks that count to the averages of a solution. All of it is the main loop's.
+pub struct Window<M: Arithmetic> {
+    means: [Value<M, Mean>; CHANNELS],
+    clipped: bool,
+    late: bool,
+    /// Blocks to come in this period.
+    left: u16,
+    period: u16,
+    /// Blocks at the end of a period that count.
+    counted: u16,
+    /// log2 of a sum's part of the average over full scale.
+    scale: i8,
+}
+
+impl<M: Arithmetic> Window<M> {
+    /// Before the first block.
+    pub fn new(m: &M, averaging: Averaging) -> Self {
+        let period = averaging.blocks() as u16;
+        Self {
+            means: [m.constant::<Mean, Zero>(); CHANNELS],
+            clipped: false,
+            late: false,
+            left: period,
+            period,
+            counted: averaging.counted_blocks() as u16,
+            scale: SCALE - averaging.log2() as i8,
+        }
     }
 
-    /// Adds the next conversion; the sums when a solution's conversions are complete.
-    pub fn push(&mut self, m: &M, code: AdcCode) -> Option<Sums<M>> {
-        self.add(m, self.turn, code);
-        self.take(m).map(|(sums, _)| sums)
+    /// Adds the next block; the averages when a solution's blocks are complete.
+    #[inline(never)]
+    pub fn add(&mut self, m: &M, block: &Sums<M>) -> Option<Averages<M>> {
+        self.late |= block.late;
+        if self.left <= self.counted {
+            self.clipped |= block.clipped;
+            for (mean, &sum) in self.means.iter_mut().zip(&block.sums) {
+                let part: Value<M, Block> = m
+                    .scale::<Block, Accumulator, LEAST_SCALE, { SCALE as i32 }>(
+                        sum,
+                        i32::from(self.scale),
+                    );
+                *mean = m.add(*mean, part);
+            }
+        }
+        self.left -= 1;
+        if self.left > 0 {
+            return None;
+        }
+        self.left = self.period;
+        let mut values = [m.constant::<Average, Zero>(); CHANNELS];
+        for (average, mean) in values.iter_mut().zip(&mut self.means) {
+            *average = m.shift::<Average, Mean, 0>(*mean);
+            *mean = m.constant::<Mean, Zero>();
+        }
+        Some(Averages {
+            values,
+            clipped: core::mem::take(&mut self.clipped),
+            late: core::mem::take(&mut self.late),
+        })
+    }
+}
+
+/// log2 of one code over full scale: 512 codes.
+const SCALE: i8 = -9;
+/// The same of the longest average's part.
+const LEAST_SCALE: i32 = SCALE as i32 - Averaging::MOST_LOG2 as i32;
+
+/// Interrupt and main loop in one, for hosts: conversions in, averages out.
+pub struct Decimator<M: Arithmetic> {
+    averager: Averager<M>,
+    window: Window<M>,
+}
+
+impl<M: Arithmetic> Decimator<M> {
+    /// Starts with the warm-up.
+    pub fn new(m: &M, averaging: Averaging) -> Self {
+        Self {
+            averager: Averager::new(m, averaging),
+            window: Window::new(m, averaging),
+        }
+    }
+
+    /// Adds the next conversion; the averages when a solution's conversions are complete.
+    pub fn push(&mut self, m: &M, code: AdcCode) -> Option<Averages<M>> {
+        self.averager.add(m, self.averager.turn(), code);
+        let block = self.averager.take(m)?;
+        self.window.add(m, &block)
     }
 }

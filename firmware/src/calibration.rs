@@ -1,14 +1,66 @@
-//! Calibration words: from EEPROM bytes into the datapath's formats.
+//! Settings from EEPROM: averaging, and the calibration in the datapath's formats.
 
 use cardan_datapath::{Arithmetic, Node, Value};
-use cardan_spec::calibration::{FRAC, LEN, MAGIC, VERSION, WORDS};
+use cardan_spec::calibration::{
+    AVERAGING_AT, FRAC, LEN, MAGIC, PERIOD_AT, VERSION, WORDS, WORDS_AT,
+};
+use cardan_spec::timing::Averaging;
 
 use crate::frame::crc16;
 use crate::nodes::{FieldGain, InverseHorizontal, Offset, TiltGain, Vertical};
 
-/// The words of an EEPROM image, `None` if magic, version, length or checksum is wrong.
-#[must_use]
-pub fn decode(image: &[u8; LEN]) -> Option<[i32; WORDS]> {
+/// What a device works with.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Settings {
+    /// Calibration, in the order and format of the EEPROM image.
+    pub words: [i32; WORDS],
+    /// Lengths of averages and periods.
+    pub averaging: Averaging,
+    /// There is no valid image: these are the nominal values.
+    pub uncalibrated: bool,
+}
+
+impl Settings {
+    /// Those of an EEPROM image, the nominal ones if it is not valid.
+    #[must_use]
+    #[inline(never)]
+    pub fn from_image(image: &[u8; LEN]) -> Self {
+        let mut settings = Self {
+            words: NOMINAL,
+            averaging: Averaging::DEFAULT,
+            uncalibrated: true,
+        };
+        if let Some(averaging) = valid(image) {
+            settings.averaging = averaging;
+            settings.uncalibrated = false;
+            let bytes = image[WORDS_AT..].chunks_exact(4);
+            for (word, bytes) in settings.words.iter_mut().zip(bytes) {
+                *word = i32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
+            }
+        }
+        settings
+    }
+
+    /// The EEPROM image of these settings.
+    #[must_use]
+    pub fn image(&self) -> [u8; LEN] {
+        let mut image = [0; LEN];
+        image[..2].copy_from_slice(&MAGIC.to_le_bytes());
+        image[2] = VERSION;
+        image[3] = WORDS as u8;
+        image[AVERAGING_AT] = self.averaging.log2();
+        image[PERIOD_AT] = self.averaging.period_log2();
+        for (bytes, word) in image[WORDS_AT..].chunks_exact_mut(4).zip(&self.words) {
+            bytes.copy_from_slice(&word.to_le_bytes());
+        }
+        let crc = crc16(&image[..LEN - 2]);
+        image[LEN - 2..].copy_from_slice(&crc.to_le_bytes());
+        image
+    }
+}
+
+/// The averaging of an image whose magic, version, length, values and checksum are right.
+fn valid(image: &[u8; LEN]) -> Option<Averaging> {
     let stored = u16::from_le_bytes([image[LEN - 2], image[LEN - 1]]);
     let header = u16::from_le_bytes([image[0], image[1]]) == MAGIC
         && image[2] == VERSION
@@ -16,26 +68,7 @@ pub fn decode(image: &[u8; LEN]) -> Option<[i32; WORDS]> {
     if !header || crc16(&image[..LEN - 2]) != stored {
         return None;
     }
-    let mut words = [0; WORDS];
-    for (word, bytes) in words.iter_mut().zip(image[4..].chunks_exact(4)) {
-        *word = i32::from_le_bytes([bytes[0], bytes[1], bytes[2], bytes[3]]);
-    }
-    Some(words)
-}
-
-/// The EEPROM image of the given words.
-#[must_use]
-pub fn encode(words: &[i32; WORDS]) -> [u8; LEN] {
-    let mut image = [0; LEN];
-    image[..2].copy_from_slice(&MAGIC.to_le_bytes());
-    image[2] = VERSION;
-    image[3] = WORDS as u8;
-    for (bytes, word) in image[4..].chunks_exact_mut(4).zip(words) {
-        bytes.copy_from_slice(&word.to_le_bytes());
-    }
-    let crc = crc16(&image[..LEN - 2]);
-    image[LEN - 2..].copy_from_slice(&crc.to_le_bytes());
-    image
+    Averaging::new(image[AVERAGING_AT], image[PERIOD_AT])
 }
 
 const fn word(value: f64) -> i32 {

@@ -2,13 +2,12 @@
 
 use cardan_datapath::fixed::traits::Fixed;
 use cardan_datapath::{Arithmetic, Container, Deployed, Node, Tap, Value};
-use cardan_spec::calibration::{LEN, WORDS};
 use cardan_spec::{flags, frame as layout};
 use embedded_hal::digital::OutputPin;
 
 use crate::attitude::{State, solve};
-use crate::averaging::{Averager, Sums};
-use crate::calibration::{Calibration, NOMINAL, decode};
+use crate::averaging::{Averager, Averages};
+use crate::calibration::{Calibration, Settings};
 use crate::frame::Frame;
 use crate::hal::{Serial, TriggeredAdc};
 
@@ -26,7 +25,7 @@ pub fn sample<M: Arithmetic>(m: &M, averager: &mut Averager<M>, adc: &mut impl T
     averager.add(m, turn, code);
 }
 
-/// The solver with its state: from sums to frames.
+/// The solver with its state: from averages to frames.
 pub struct Solver<T: Tap> {
     m: Deployed<T>,
     calibration: Calibration<Deployed<T>>,
@@ -36,24 +35,18 @@ pub struct Solver<T: Tap> {
 }
 
 impl<T: Tap> Solver<T> {
-    /// Starts with the calibration image from EEPROM, or with nominal values if it is invalid.
-    pub fn new(tap: T, eeprom: &[u8; LEN]) -> Self {
-        match decode(eeprom) {
-            Some(words) => Self::with_words(tap, &words, false),
-            None => Self::with_words(tap, &NOMINAL, true),
-        }
-    }
-
-    fn with_words(tap: T, words: &[i32; WORDS], uncalibrated: bool) -> Self {
+    /// Starts with these settings.
+    #[inline(never)]
+    pub fn new(tap: T, settings: &Settings) -> Self {
         let m = Deployed::new(tap);
-        let calibration = Calibration::new(&m, words);
+        let calibration = Calibration::new(&m, &settings.words);
         let state = State::new(&m);
         Self {
             m,
             calibration,
             state,
             sequence: 0,
-            uncalibrated,
+            uncalibrated: settings.uncalibrated,
         }
     }
 
@@ -67,12 +60,12 @@ impl<T: Tap> Solver<T> {
         &self.m
     }
 
-    /// Computes one solution. `late` says that a conversion or a solution was late.
+    /// Computes one solution.
     #[inline(never)]
-    pub fn solve(&mut self, sums: &Sums<Deployed<T>>, late: bool) -> Frame {
-        let angles = solve(&self.m, &self.calibration, &mut self.state, sums);
+    pub fn solve(&mut self, averages: &Averages<Deployed<T>>) -> Frame {
+        let angles = solve(&self.m, &self.calibration, &mut self.state, averages);
         let mut status = self.m.take_status();
-        if late {
+        if averages.late {
             status |= flags::LATE;
         }
         if self.uncalibrated {
@@ -80,8 +73,8 @@ impl<T: Tap> Solver<T> {
         }
         let frame = Frame {
             sequence: self.sequence,
-            sums: sums.sums.map(word16),
-            angles: [angle(angles.yaw), angle(angles.pitch), angle(angles.roll)],
+            averages: averages.values.map(word),
+            angles: [word(angles.yaw), word(angles.pitch), word(angles.roll)],
             flags: status,
         };
         self.sequence = self.sequence.wrapping_add(1);
@@ -89,15 +82,11 @@ impl<T: Tap> Solver<T> {
     }
 }
 
-fn word16<T: Tap, N: Node>(value: Value<Deployed<T>, N>) -> i16 {
-    value.word().to_bits().to_i16()
-}
-
-/// An angle with the frame's fractional bits, whatever the node's format.
-fn angle<T: Tap, N: Node>(value: Value<Deployed<T>, N>) -> i16 {
+/// A value with the frame's fractional bits, whatever the node's format.
+fn word<T: Tap, N: Node>(value: Value<Deployed<T>, N>) -> i16 {
     let raw = value.word().to_bits();
-    const { assert!(N::FORMAT.word <= 32, "angles are at most 32 bits") };
-    let (frac, wire) = (N::FORMAT.frac, layout::ANGLE_FRAC);
+    const { assert!(N::FORMAT.word <= 32, "what frames hold is at most 32 bits") };
+    let (frac, wire) = (N::FORMAT.frac, layout::FRAC);
     if frac >= wire {
         (raw.to_i32() >> (frac - wire)) as i16
     } else {
@@ -125,7 +114,8 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
     }
 
     /// Solves and sends. Returns false if the line was still busy and the frame was not sent.
-    pub fn solution(&mut self, sums: &Sums<Deployed<T>>, late: bool) -> bool {
+    #[inline(never)]
+    pub fn solution(&mut self, averages: &Averages<Deployed<T>>) -> bool {
         match self.serial.receive() {
             Some(layout::COMMAND_TEXT) => self.text = true,
             Some(layout::COMMAND_BINARY) => self.text = false,
@@ -134,12 +124,18 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
         }
         // A pin of the reference boards cannot fail.
         let _ = self.solving.set_high();
-        let frame = self.solver.solve(sums, late);
+        let frame = self.solver.solve(averages);
         let _ = self.solving.set_low();
         if self.text {
-            self.serial.send(&frame.text())
+            self.send_text(&frame)
         } else {
             self.serial.send(&frame.encode())
         }
+    }
+
+    /// Not inlined: the line would lie on the stack of frames as well.
+    #[inline(never)]
+    fn send_text(&mut self, frame: &Frame) -> bool {
+        self.serial.send(&frame.text())
     }
 }

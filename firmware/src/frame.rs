@@ -12,8 +12,8 @@ pub const TEXT_LEN: usize = 48;
 pub struct Frame {
     /// Number of the solution, modulo 2^16.
     pub sequence: u16,
-    /// Sum of the bipolar codes per channel.
-    pub sums: [i16; CHANNELS],
+    /// Average per channel over full scale with 15 fractional bits.
+    pub averages: [i16; CHANNELS],
     /// Yaw, pitch, roll in half turns with 15 fractional bits.
     pub angles: [i16; 3],
     /// Status bits.
@@ -23,6 +23,7 @@ pub struct Frame {
 /// CRC-16/CCITT: polynomial 0x1021, start 0xFFFF, most significant bit first. Bytewise without a
 /// table: the table's 512 bytes would take a quarter of the controller's RAM.
 #[must_use]
+#[inline(never)]
 pub fn crc16(bytes: &[u8]) -> u16 {
     bytes.iter().fold(0xffff, |crc: u16, &byte| {
         let x = (crc >> 8) as u8 ^ byte;
@@ -39,7 +40,7 @@ impl Frame {
         let mut payload = [0; PAYLOAD_LEN];
         let words = [self.sequence]
             .into_iter()
-            .chain(self.sums.iter().map(|&sum| sum as u16))
+            .chain(self.averages.iter().map(|&average| average as u16))
             .chain(self.angles.iter().map(|&angle| angle as u16))
             .chain([self.flags]);
         for (bytes, word) in payload.chunks_exact_mut(2).zip(words) {
@@ -121,7 +122,7 @@ mod tests {
     fn frame(sequence: u16, word: i16) -> Frame {
         Frame {
             sequence,
-            sums: [word; CHANNELS],
+            averages: [word; CHANNELS],
             angles: [0, word, -word],
             flags: 0x55,
         }

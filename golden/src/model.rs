@@ -1,7 +1,7 @@
 //! The golden model of the whole device: conversions in, solutions out.
 
 use cardan_spec::calibration::Calibration;
-use cardan_spec::timing::{AVERAGING, CONVERSIONS_PER_SOLUTION, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_spec::{CHANNELS, Channel, flags};
 use cardan_units::AdcCode;
 
@@ -12,29 +12,41 @@ use crate::solve::{Memory, Solution, solve};
 #[derive(Clone, Debug)]
 pub struct Golden {
     calibration: Calibration,
+    averaging: Averaging,
     memory: Memory,
     /// Conversions since reset, warm-up included.
     conversions: usize,
+    /// Of this block.
     sums: [f64; CHANNELS],
+    /// Of this solution, over full scale.
+    means: [f64; CHANNELS],
     clipped: bool,
 }
 
 impl Golden {
-    /// A device just after reset, with the given calibration.
+    /// A device just after reset, with the given calibration and [`Averaging::DEFAULT`].
     #[must_use]
     pub fn new(calibration: &Calibration) -> Self {
+        Self::with_averaging(calibration, Averaging::DEFAULT)
+    }
+
+    /// A device just after reset, with the given calibration and averaging.
+    #[must_use]
+    pub fn with_averaging(calibration: &Calibration, averaging: Averaging) -> Self {
         Self {
             calibration: *calibration,
+            averaging,
             memory: Memory::default(),
             conversions: 0,
             sums: [0.0; CHANNELS],
+            means: [0.0; CHANNELS],
             clipped: false,
         }
     }
 
     /// Takes one conversion: the bipolar code (an integer, code - 512; for a voltage
     /// [`cardan_units::ideal_bipolar_code`]) and whether the converter may have clipped it. The
-    /// first [`WARM_UP_SOLUTIONS`] solutions' worth is ignored. `record` takes each node's index in
+    /// first [`WARM_UP_BLOCKS`] blocks are ignored. `record` takes each node's index in
     /// [`cardan_spec::nodes::SHARED`] and value at each write, in signal order. With the last
     /// conversion of a solution comes the solution.
     pub fn convert(
@@ -44,30 +56,42 @@ impl Golden {
         clipped: bool,
         record: &mut impl FnMut(usize, f64),
     ) -> Option<Solution> {
+        let conversion = self.conversions;
         self.conversions += 1;
-        let published = self
-            .conversions
-            .checked_sub(WARM_UP_SOLUTIONS * CONVERSIONS_PER_SOLUTION)?;
-        if published == 0 {
-            return None;
+        let index = conversion.checked_sub(WARM_UP_BLOCKS * BLOCK_CONVERSIONS)?
+            % self.averaging.conversions();
+        let counts = self.averaging.counts(index);
+        if self.averaging.is_summed(index) {
+            record(node::SAMPLE, code);
+            let sum = &mut self.sums[channel as usize];
+            *sum += code;
+            record(node::ACCUMULATOR, *sum);
+            self.clipped |= clipped && counts;
         }
-        record(node::SAMPLE, code);
-        let sum = &mut self.sums[channel as usize];
-        *sum += code;
-        record(node::ACCUMULATOR, *sum);
-        self.clipped |= clipped;
-        (published % CONVERSIONS_PER_SOLUTION == 0).then(|| self.finish(record))
+        if (index + 1) % BLOCK_CONVERSIONS == 0 {
+            self.end_block(counts, record);
+        }
+        (index + 1 == self.averaging.conversions()).then(|| self.finish(record))
+    }
+
+    fn end_block(&mut self, counts: bool, record: &mut impl FnMut(usize, f64)) {
+        let sums = std::mem::take(&mut self.sums);
+        if !counts {
+            return;
+        }
+        let full_scale = f64::from(AdcCode::CENTRE) * self.averaging.length() as f64;
+        for (mean, sum) in self.means.iter_mut().zip(sums) {
+            *mean += sum / full_scale;
+            record(node::MEAN, *mean);
+        }
     }
 
     fn finish(&mut self, record: &mut impl FnMut(usize, f64)) -> Solution {
-        let full_scale = f64::from(AdcCode::CENTRE) * AVERAGING as f64;
-        let averages = self.sums.map(|sum| sum / full_scale);
+        let averages = std::mem::take(&mut self.means);
         let mut solution = solve(&averages, &self.calibration, &mut self.memory, record);
-        if self.clipped {
+        if std::mem::take(&mut self.clipped) {
             solution.flags |= flags::SATURATION;
         }
-        self.sums = [0.0; CHANNELS];
-        self.clipped = false;
         solution
     }
 }

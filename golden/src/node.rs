@@ -42,6 +42,7 @@ macro_rules! indices {
 indices!(
     SAMPLE,
     ACCUMULATOR,
+    MEAN,
     AVERAGE,
     TILT_X,
     TILT_Y,

@@ -7,7 +7,7 @@ use cardan_golden::{
 };
 use cardan_spec::calibration::Calibration;
 use cardan_spec::nodes::SHARED;
-use cardan_spec::timing::{AVERAGING, CONVERSIONS_PER_SOLUTION, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, BLOCK_ROUNDS, WARM_UP_BLOCKS};
 use cardan_spec::{Channel, DOMAIN_MARGIN, flags};
 use cardan_units::HalfTurns;
 use proptest::prelude::*;
@@ -29,7 +29,7 @@ fn run(
 ) -> (Vec<Solution>, Vec<(usize, f64)>) {
     let mut golden = Golden::new(&calibration());
     let (mut solved, mut written) = (Vec::new(), Vec::new());
-    for conversion in 0..solutions * CONVERSIONS_PER_SOLUTION {
+    for conversion in 0..solutions * BLOCK_CONVERSIONS {
         let channel = Channel::ALL[conversion % 4];
         solved.extend(golden.convert(
             channel,
@@ -47,41 +47,73 @@ fn of(readings: Readings) -> Solution {
 
 #[test]
 fn the_warm_up_is_ignored_and_then_each_solution_takes_its_number_of_conversions() {
-    let (solved, written) = run([1.0, 2.0, 3.0, 4.0], WARM_UP_SOLUTIONS, None);
+    let (solved, written) = run([1.0, 2.0, 3.0, 4.0], WARM_UP_BLOCKS, None);
     assert!(solved.is_empty() && written.is_empty());
-    let (solved, _) = run([1.0, 2.0, 3.0, 4.0], WARM_UP_SOLUTIONS + 3, None);
+    let (solved, _) = run([1.0, 2.0, 3.0, 4.0], WARM_UP_BLOCKS + 3, None);
     assert_eq!(solved.len(), 3);
 }
 
 #[test]
 fn every_node_is_written_in_signal_order_as_often_as_it_is_declared() {
-    let (_, written) = run([10.0, -20.0, 30.0, -40.0], WARM_UP_SOLUTIONS + 1, None);
+    let (_, written) = run([10.0, -20.0, 30.0, -40.0], WARM_UP_BLOCKS + 1, None);
     for (index, shared) in SHARED.iter().enumerate() {
         let writes = written.iter().filter(|(at, _)| *at == index).count();
-        assert_eq!(writes, shared.per_solution, "{}", shared.name);
+        let expected = shared.per_solution(Averaging::DEFAULT);
+        assert_eq!(writes, expected, "{}", shared.name);
     }
-    let after_the_sums = &written[2 * CONVERSIONS_PER_SOLUTION..];
+    let after_the_sums = &written[2 * BLOCK_CONVERSIONS..];
     assert!(after_the_sums.is_sorted_by_key(|(index, _)| index));
 }
 
 #[test]
 fn sums_and_averages_are_those_of_each_channel() {
     let codes = [10.0, -20.0, 30.0, -40.0];
-    let (_, written) = run(codes, WARM_UP_SOLUTIONS + 2, None);
+    let (_, written) = run(codes, WARM_UP_BLOCKS + 2, None);
     let values = |index: usize| {
         let of_node = written.iter().filter(move |(at, _)| *at == index);
         of_node.map(|(_, value)| *value).collect::<Vec<_>>()
     };
     let sums = values(node::ACCUMULATOR);
     for (write, sum) in sums.iter().enumerate() {
-        let turn = write % CONVERSIONS_PER_SOLUTION / 4 + 1;
+        let turn = write % BLOCK_CONVERSIONS / 4 + 1;
         assert_eq!(*sum, codes[write % 4] * turn as f64);
     }
     assert_eq!(
         values(node::AVERAGE)[4..],
         codes.map(|code| code / 512.0),
-        "{AVERAGING} conversions each"
+        "{BLOCK_ROUNDS} conversions each"
     );
+}
+
+#[test]
+fn an_average_takes_the_last_conversions_of_a_period_and_no_other() {
+    for (log2, period_log2) in [(0, 4), (3, 5), (4, 6), (6, 6), (5, 8), (8, 8)] {
+        let averaging = Averaging::new(log2, period_log2).unwrap();
+        let mut golden = Golden::with_averaging(&calibration(), averaging);
+        let mut written = Vec::new();
+        let settled = WARM_UP_BLOCKS * BLOCK_CONVERSIONS;
+        let mut solved = 0;
+        for conversion in 0..settled + 2 * averaging.conversions() {
+            let round = conversion.saturating_sub(settled) / 4 % averaging.period();
+            let code = (round * round % 997) as f64 - 500.0;
+            let channel = Channel::ALL[conversion % 4];
+            let solution = golden.convert(channel, code, false, &mut |at, value| {
+                written.push((at, value));
+            });
+            solved += usize::from(solution.is_some());
+        }
+        assert_eq!(solved, 2);
+        let rounds = averaging.period() - averaging.length()..averaging.period();
+        let sum: f64 = rounds.map(|k| (k * k % 997) as f64 - 500.0).sum();
+        let values = |node: usize| written.iter().filter(move |(at, _)| *at == node);
+        for (_, average) in values(node::AVERAGE) {
+            assert_eq!(*average, sum / averaging.length() as f64 / 512.0);
+        }
+        for (index, shared) in SHARED.iter().enumerate() {
+            let expected = 2 * shared.per_solution(averaging);
+            assert_eq!(values(index).count(), expected, "{}", shared.name);
+        }
+    }
 }
 
 #[test]
@@ -92,7 +124,7 @@ fn exact_codes_give_the_attitude_back() {
         roll: HalfTurns::from_degrees(-44.0),
     });
     let codes = codes_of(&ideal_readings(&truth, EARTH), &calibration()).unwrap();
-    let (solved, _) = run(codes, WARM_UP_SOLUTIONS + 2, None);
+    let (solved, _) = run(codes, WARM_UP_BLOCKS + 2, None);
     for solution in solved {
         assert!(rotation_angle(&solution.attitude, &truth).degrees() < 1e-9);
         assert_eq!(solution.flags, 0);
@@ -101,15 +133,15 @@ fn exact_codes_give_the_attitude_back() {
 
 #[test]
 fn one_clipped_conversion_flags_its_own_solution_and_no_other() {
-    let first = WARM_UP_SOLUTIONS * CONVERSIONS_PER_SOLUTION;
-    let clip = first + CONVERSIONS_PER_SOLUTION + 17;
-    let (solved, _) = run([1.0, 2.0, 180.0, 4.0], WARM_UP_SOLUTIONS + 3, Some(clip));
+    let first = WARM_UP_BLOCKS * BLOCK_CONVERSIONS;
+    let clip = first + BLOCK_CONVERSIONS + 17;
+    let (solved, _) = run([1.0, 2.0, 180.0, 4.0], WARM_UP_BLOCKS + 3, Some(clip));
     let saturated: Vec<bool> = solved
         .iter()
         .map(|solution| solution.flags & flags::SATURATION != 0)
         .collect();
     assert_eq!(saturated, [false, true, false]);
-    let (solved, _) = run([1.0; 4], WARM_UP_SOLUTIONS + 1, Some(first - 1));
+    let (solved, _) = run([1.0; 4], WARM_UP_BLOCKS + 1, Some(first - 1));
     assert_eq!(solved[0].flags & flags::SATURATION, 0, "warm-up is ignored");
 }
 

@@ -13,6 +13,7 @@ use cardan_firmware::nodes::NODES;
 use cardan_numerics::tape::{Entry, NO_NODE, Op, Ref, Tape};
 use cardan_numerics::trial::Trial;
 use cardan_numerics::{Algorithm, Steps};
+use cardan_spec::timing::Averaging;
 
 fn solutions(count: usize) -> Vec<Vec<i32>> {
     let code = |at: usize, conversion: usize| {
@@ -37,7 +38,10 @@ fn best(mut run: impl FnMut()) -> f64 {
 fn main() {
     let count = std::env::args().nth(1).and_then(|text| text.parse().ok());
     let count = count.unwrap_or(4096);
-    let datapath = AttitudeDatapath { words: NOMINAL };
+    let datapath = AttitudeDatapath {
+        words: NOMINAL,
+        averaging: Averaging::DEFAULT,
+    };
     let steps = solutions(count);
     let (tape, inputs) = Tape::record(&datapath, &steps).expect("is steady");
     let writes = |entry: &&Entry| entry.node != NO_NODE && entry.op.is_recorded();

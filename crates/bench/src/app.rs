@@ -2,6 +2,7 @@
 
 use cardan_datapath::{Format, NodeInfo};
 use cardan_scenario::Scenario;
+use cardan_spec::timing::Averaging;
 use cardan_tune::Problem;
 
 use crate::attitude::Attitude;
@@ -15,6 +16,18 @@ pub struct Configuration {
     pub calibration: Vec<i32>,
     /// Solutions of the run.
     pub solutions: u64,
+    /// log2 of the conversions averaged per channel.
+    pub averaging_log2: u8,
+    /// log2 of the conversions per channel from one solution to the next.
+    pub period_log2: u8,
+}
+
+impl Configuration {
+    /// How conversions are averaged; the default where the fields say nothing admissible.
+    #[must_use]
+    pub fn averaging(&self) -> Averaging {
+        Averaging::new(self.averaging_log2, self.period_log2).unwrap_or(Averaging::DEFAULT)
+    }
 }
 
 /// A run of the emulated device, kept for tuning.
@@ -63,9 +76,9 @@ pub trait App: Sync {
     /// Index of each golden node among [`App::nodes`].
     fn golden_nodes(&self) -> Vec<usize>;
     /// Bundled tolerances.
-    fn tolerances(&self) -> &'static [Tolerance];
+    fn tolerances(&self, configuration: &Configuration) -> Vec<Tolerance>;
     /// Seconds from one solution to the next.
-    fn solution_seconds(&self) -> f64;
+    fn solution_seconds(&self, configuration: &Configuration) -> f64;
     /// The bundled image, with taps or without.
     fn bundled(&self, tapped: bool) -> Option<&'static [u8]>;
     /// The emulated device in its scenario.

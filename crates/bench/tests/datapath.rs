@@ -7,6 +7,7 @@ use cardan_firmware::nodes::{NODE_COUNT, NODES};
 use cardan_numerics::tape::{NO_NODE, Tape};
 use cardan_numerics::trial::{Trial, deployable};
 use cardan_numerics::{Algorithm, DeployedRecorder, Steps};
+use cardan_spec::timing::Averaging;
 
 /// Codes of a device that turns, with steps over the whole range.
 fn solutions(count: usize) -> Vec<Vec<i32>> {
@@ -27,7 +28,10 @@ fn solutions(count: usize) -> Vec<Vec<i32>> {
 
 #[test]
 fn trials_in_the_deployed_formats_equal_the_firmware() {
-    let datapath = AttitudeDatapath { words: NOMINAL };
+    let datapath = AttitudeDatapath {
+        words: NOMINAL,
+        averaging: Averaging::DEFAULT,
+    };
     let steps = solutions(1200);
     let m = Deployed::new(DeployedRecorder::new(NODE_COUNT));
     let algorithm = Steps {

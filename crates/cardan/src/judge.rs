@@ -36,7 +36,7 @@ pub(crate) fn comparison(
         session: session.to_owned(),
         seconds: summary.cycles as f64 / cardan_spec::timing::CPU_HZ as f64,
         samples: collected.conversions.len() as u64,
-        solution_seconds: app.solution_seconds(),
+        solution_seconds: app.solution_seconds(&collected.configuration),
     };
     let tolerance = &setup.scenario.tolerance.truth;
     let truth_tolerance =
@@ -115,6 +115,8 @@ fn flags(app: &dyn App, frames: &[Vec<u8>]) -> Vec<u16> {
 
 fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
     let app = setup.app;
+    let averaging = collected.configuration.averaging();
+    let bundled = app.tolerances(&collected.configuration);
     let golden_of = |node: usize| {
         let shared = app.golden_nodes().iter().position(|&index| index == node)?;
         collected.golden.get(&shared).cloned()
@@ -129,7 +131,7 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
             .iter()
             .find(|shared| shared.name == info.name)
             .map_or(native.len() / solutions.max(1), |shared| {
-                shared.per_solution
+                shared.per_solution(averaging)
             });
         Some(Node {
             name: info.name.to_owned(),
@@ -155,25 +157,25 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
                 .get(index)
                 .copied()
                 .unwrap_or(0),
-            tolerance: tolerance(setup, info.name),
+            tolerance: tolerance(setup, &bundled, info.name),
         })
     };
     app.nodes().iter().enumerate().filter_map(listed).collect()
 }
 
 /// The scenario's tolerance, else the bundled one.
-fn tolerance(setup: &Setup, node: &str) -> Option<Tolerance> {
+fn tolerance(
+    setup: &Setup,
+    bundled: &[cardan_bench::app::Tolerance],
+    node: &str,
+) -> Option<Tolerance> {
     if let Some(&max_abs) = setup.scenario.tolerance.nodes.get(node) {
         return Some(Tolerance {
             max_abs,
             reason: "set by the scenario".to_owned(),
         });
     }
-    let bundled = setup
-        .app
-        .tolerances()
-        .iter()
-        .find(|tolerance| tolerance.node == node)?;
+    let bundled = bundled.iter().find(|tolerance| tolerance.node == node)?;
     Some(Tolerance {
         max_abs: bundled.max_abs,
         reason: bundled.reason.to_owned(),

@@ -104,6 +104,13 @@ pub trait Arithmetic {
     fn sqrt<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N>;
     /// a * 2^POWER.
     fn shift<N: Node, A: Node, const POWER: i32>(&self, a: Value<Self, A>) -> Value<Self, N>;
+    /// a * 2^power, where the power is known when the algorithm starts and stays. It is limited to
+    /// LEAST..=MOST, from which the intermediate is chosen.
+    fn scale<N: Node, A: Node, const LEAST: i32, const MOST: i32>(
+        &self,
+        a: Value<Self, A>,
+        power: i32,
+    ) -> Value<Self, N>;
     /// -a.
     fn neg<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N>;
     /// |a|.

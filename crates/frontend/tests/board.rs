@@ -234,7 +234,7 @@ fn the_published_scenario_has_the_published_deviations_at_the_pins() {
 
 #[test]
 fn on_the_tumble_the_averages_tell_the_attitude_at_the_output_instant() {
-    use cardan_spec::timing::{ADC_HOLD_CYCLES, CONVERSION_CYCLES, CONVERSIONS_PER_SOLUTION};
+    use cardan_spec::timing::{ADC_HOLD_CYCLES, BLOCK_CONVERSIONS, CONVERSION_CYCLES};
     let scenario = Scenario::load("tumble-quiet").expect("bundled");
     let trajectory = std::sync::Arc::new(Trajectory::new(&scenario, 1).expect("valid"));
     let mut board = Frontend::new(&scenario, 1, trajectory.clone()).expect("a working design");
@@ -242,9 +242,9 @@ fn on_the_tumble_the_averages_tell_the_attitude_at_the_output_instant() {
     for solution in 0..1250 {
         let mut sums = [0.0; 4];
         let hold = |k: usize| {
-            (solution * CONVERSIONS_PER_SOLUTION + k) as u64 * CONVERSION_CYCLES + ADC_HOLD_CYCLES
+            (solution * BLOCK_CONVERSIONS + k) as u64 * CONVERSION_CYCLES + ADC_HOLD_CYCLES
         };
-        for k in 0..CONVERSIONS_PER_SOLUTION {
+        for k in 0..BLOCK_CONVERSIONS {
             clock(&mut board, &mut next, hold(k));
             let volts = board
                 .voltage(Cycles(hold(k)), Channel::ALL[k % 4])
@@ -253,7 +253,7 @@ fn on_the_tumble_the_averages_tell_the_attitude_at_the_output_instant() {
             sums[k % 4] += (volts / 2.5 - 1.0) / 16.0;
         }
         if solution >= 12 {
-            let last = hold(CONVERSIONS_PER_SOLUTION - 1);
+            let last = hold(BLOCK_CONVERSIONS - 1);
             let instant = board
                 .design()
                 .output_instant_s(Cycles(hold(0)), Cycles(last));

@@ -109,6 +109,18 @@ impl<O: Observer> Mixed<O> {
         self.trap.get()
     }
 
+    /// a 2^power.
+    fn scaled<N: Node, A: Node>(&self, a: Value<Self, A>, power: i32) -> Value<Self, N> {
+        self.write(
+            |format| {
+                let a = self.word(a)?;
+                let frac = a.frac.cast_signed().saturating_sub(power);
+                Some(exact::fit(a.raw.into(), frac, format))
+            },
+            || libm::ldexp(a.word().real, power),
+        )
+    }
+
     fn fail(&self) {
         self.status.set(self.status.get() | self.domain_flag);
     }
@@ -359,14 +371,15 @@ impl<O: Observer> Arithmetic for Mixed<O> {
     }
 
     fn shift<N: Node, A: Node, const POWER: i32>(&self, a: Value<Self, A>) -> Value<Self, N> {
-        self.write(
-            |format| {
-                let a = self.word(a)?;
-                let frac = a.frac.cast_signed().saturating_sub(POWER);
-                Some(exact::fit(a.raw.into(), frac, format))
-            },
-            || libm::ldexp(a.word().real, POWER),
-        )
+        self.scaled(a, POWER)
+    }
+
+    fn scale<N: Node, A: Node, const LEAST: i32, const MOST: i32>(
+        &self,
+        a: Value<Self, A>,
+        power: i32,
+    ) -> Value<Self, N> {
+        self.scaled(a, power.min(MOST).max(LEAST))
     }
 
     fn neg<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {

@@ -3,14 +3,14 @@
 
 use cardan_datapath::{Arithmetic, Deployed, Node, Overflow, Value};
 use cardan_firmware::attitude::{State, solve};
-use cardan_firmware::averaging::{Averager, Sums};
+use cardan_firmware::averaging::{Averages, Decimator};
 use cardan_firmware::calibration::{Calibration, NOMINAL};
-use cardan_firmware::nodes::{Accumulator, NODE_COUNT, NODES, Pitch, Roll, Yaw};
+use cardan_firmware::nodes::{Average, NODE_COUNT, NODES, Pitch, Roll, Yaw};
 use cardan_numerics::{
     Algorithm, DeployedRecorder, Formats, Mixed, Number, Recorder, Recording, record,
 };
 use cardan_spec::calibration::WORDS;
-use cardan_spec::timing::{AVERAGING, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{Averaging, BLOCK_ROUNDS, WARM_UP_BLOCKS};
 use cardan_spec::{CHANNELS, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G, flags};
 use cardan_units::AdcCode;
 use proptest::prelude::*;
@@ -21,6 +21,7 @@ use rand_core::{RngCore, SeedableRng};
 struct Attitude<'a> {
     words: &'a [i32; WORDS],
     codes: &'a [AdcCode],
+    averaging: Averaging,
 }
 
 impl Algorithm for Attitude<'_> {
@@ -28,10 +29,10 @@ impl Algorithm for Attitude<'_> {
     fn run<M: Arithmetic>(&self, m: &M) -> Vec<u16> {
         let calibration = Calibration::new(m, self.words);
         let mut state = State::new(m);
-        let mut averager = Averager::new(m);
+        let mut decimator = Decimator::new(m, self.averaging);
         let mut step = |code: &AdcCode| {
-            let sums = averager.push(m, *code)?;
-            solve(m, &calibration, &mut state, &sums);
+            let averages = decimator.push(m, *code)?;
+            solve(m, &calibration, &mut state, &averages);
             Some(m.take_status())
         };
         self.codes.iter().filter_map(&mut step).collect()
@@ -46,7 +47,7 @@ fn deployed(algorithm: &impl Algorithm<Output = Vec<u16>>) -> (Vec<u16>, Recordi
 
 /// The codes of some solutions, behind the warm-up.
 fn with_warm_up(solutions: impl IntoIterator<Item = AdcCode>) -> Vec<AdcCode> {
-    let warm_up = WARM_UP_SOLUTIONS * AVERAGING * CHANNELS;
+    let warm_up = WARM_UP_BLOCKS * BLOCK_ROUNDS * CHANNELS;
     let start = std::iter::repeat_n(AdcCode(512), warm_up);
     start.chain(solutions).collect()
 }
@@ -75,7 +76,7 @@ fn assert_equal(algorithm: &impl Algorithm<Output = Vec<u16>>) -> Recording {
 
 /// Codes of a device that rests in some attitude and field, or anything.
 fn any_codes() -> impl Strategy<Value = Vec<AdcCode>> {
-    let count = AVERAGING * CHANNELS;
+    let count = BLOCK_ROUNDS * CHANNELS;
     let still = (proptest::array::uniform4(0u16..1024), 0u16..8).prop_map(move |(base, noise)| {
         let code = |at: usize| base[at % CHANNELS] + (at * 7919 % 8) as u16 % (noise + 1);
         (0..count).map(|at| AdcCode(code(at).min(1023))).collect()
@@ -129,12 +130,13 @@ fn the_corners_of_the_range_equal_the_deployed_firmware() {
     let mut codes = Vec::new();
     for corner in 0..3usize.pow(4) {
         let code = |at: usize| [0, 512, 1023][corner / 3usize.pow((at % CHANNELS) as u32) % 3];
-        codes.extend((0..AVERAGING * CHANNELS).map(|at| AdcCode(code(at))));
+        codes.extend((0..BLOCK_ROUNDS * CHANNELS).map(|at| AdcCode(code(at))));
     }
     let codes = with_warm_up(codes);
     let found = assert_equal(&Attitude {
         words: &NOMINAL,
         codes: &codes,
+        averaging: Averaging::DEFAULT,
     });
     let saturated =
         |(node, overflows): (&cardan_datapath::NodeInfo, &cardan_numerics::Overflows)| {
@@ -146,7 +148,7 @@ fn the_corners_of_the_range_equal_the_deployed_firmware() {
     );
 }
 
-/// Solutions from the accumulators that ideal sensors and an infinitely fine converter would give.
+/// Solutions from the averages that ideal sensors and an infinitely fine converter would give.
 struct Ideal(Vec<[f64; 3]>);
 
 /// Cosine and sine of the nominal inclination, as the calibration holds them.
@@ -155,9 +157,9 @@ fn inclination() -> [f64; 2] {
 }
 
 impl Ideal {
-    /// Sums over full scale for an attitude in degrees: set 1's rotation, gravity and field in the
+    /// Averages over full scale for an attitude in degrees: set 1's rotation, gravity and field in the
     /// body's x and y.
-    fn sums([yaw, pitch, roll]: [f64; 3]) -> [f64; CHANNELS] {
+    fn averages([yaw, pitch, roll]: [f64; 3]) -> [f64; CHANNELS] {
         let [(sy, cy), (sp, cp), (sr, cr)] = [yaw, pitch, roll].map(|degrees| {
             (
                 libm::sin(degrees.to_radians()),
@@ -177,22 +179,23 @@ impl Ideal {
             field(x) / field_gain,
             field(y) / field_gain,
         ]
-        .map(|share| (share + offset) * 512.0 * AVERAGING as f64)
+        .map(|share| share + offset)
     }
 
-    /// Yaw, pitch and roll of every solution, in degrees. `disturb` moves the sums of a solution.
+    /// Yaw, pitch and roll of every solution, in degrees. `disturb` moves the averages of a solution.
     fn solve(&self, mut disturb: impl FnMut() -> [f64; CHANNELS]) -> Vec<[f64; 3]> {
         let m = Mixed::new(&Formats::real(NODE_COUNT), Recorder::new(NODE_COUNT));
         let calibration = Calibration::new(&m, &NOMINAL);
         let mut state = State::new(&m);
         for attitude in &self.0 {
-            let sum = |real: f64| Value::<_, Accumulator>::new(Number { real, raw: None });
-            let (ideal, moved) = (Self::sums(*attitude), disturb());
-            let sums = Sums {
-                sums: std::array::from_fn(|channel| sum(ideal[channel] + moved[channel])),
+            let average = |real: f64| Value::<_, Average>::new(Number { real, raw: None });
+            let (ideal, moved) = (Self::averages(*attitude), disturb());
+            let averages = Averages {
+                values: std::array::from_fn(|channel| average(ideal[channel] + moved[channel])),
                 clipped: false,
+                late: false,
             };
-            solve(&m, &calibration, &mut state, &sums);
+            solve(&m, &calibration, &mut state, &averages);
             assert_eq!(m.take_status() & !flags::HALF_SPACE, 0, "{attitude:?}");
         }
         let recording = m.into_observer().into_recording();
@@ -229,7 +232,8 @@ fn worst_errors(truth: &[[f64; 3]], found: &[[f64; 3]]) -> [f64; 3] {
 fn noise_moves_the_real_yaw_everywhere_alike() {
     let mut rng = ChaCha8Rng::seed_from_u64(5);
     // About one code either way.
-    let mut noise = move || [(); CHANNELS].map(|()| 20.0 * (f64::from(rng.next_u32() % 3) - 1.0));
+    let code = 20.0 / (512.0 * 16.0);
+    let mut noise = move || [(); CHANNELS].map(|()| code * (f64::from(rng.next_u32() % 3) - 1.0));
     let mut worst_yaw = |yaw: f64| {
         let attitudes = vec![[yaw, 20.0, 30.0]; 200];
         let solved = Ideal(attitudes.clone()).solve(&mut noise);

@@ -2,6 +2,7 @@
 
 use crate::error::Error;
 use crate::field;
+use crate::hardware::Controller;
 use crate::scenario::{Field, MOST_SECONDS, MotionKind, Scenario};
 
 impl Scenario {
@@ -33,6 +34,7 @@ impl Scenario {
                 "a whole number of cycles",
             ));
         }
+        self.check_averaging()?;
         self.check_field()?;
         self.check_calibration()?;
         self.check_tolerance()?;
@@ -60,6 +62,20 @@ impl Scenario {
         if self.motion.kind == MotionKind::Recording && self.motion.recording.file.is_none() {
             let expected = "motion.recording.file, or the option --recording";
             return Err(range("motion.kind", "recording", expected));
+        }
+        Ok(())
+    }
+
+    fn check_averaging(&self) -> Result<(), Error> {
+        let Controller { averaging, period } = self.controller;
+        let is_power = |value: f64| value.fract() == 0.0 && (value as u32).is_power_of_two();
+        if !is_power(period) {
+            let expected = "a power of two from 16 to 4096";
+            return Err(range("controller.period", period, expected));
+        }
+        if !is_power(averaging) || averaging > period {
+            let expected = format!("a power of two from 1 to controller.period = {period}");
+            return Err(range("controller.averaging", averaging, &expected));
         }
         Ok(())
     }

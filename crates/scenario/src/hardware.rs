@@ -1,9 +1,11 @@
-//! Parameters of sensors, front end and converter: the tables `sensors.*`, `frontend.*`, `adc`.
+//! Parameters of sensors, front end, converter and controller: `sensors.*`, `frontend`, `adc`, `controller`.
 //!
 //! Sources in brackets are those of the sensors reference (sections 1 to 3 and 6). The structures
 //! are plain data; what they mean as physics stands in the `sensors` and `frontend` crates.
 
-use crate::parameter::Origin::{Assumed, Published};
+use cardan_spec::timing::Averaging;
+
+use crate::parameter::Origin::{Assumed, Published, Setting};
 use crate::parameter::parameters;
 
 parameters! {
@@ -139,6 +141,26 @@ parameters! {
         /// Relative deviation of its frequency from 16 MHz. The carrier moves against the
         /// resonances; the motion is timed by this clock, so that it does not shift against truth.
         error_ppm = 0.0, "ppm", -2e4 => 2e4, Assumed("a quartz, within 50 ppm");
+    }
+}
+
+parameters! {
+    /// What the controller does with the conversions, as its EEPROM says.
+    pub struct Controller at "controller" {
+        /// Conversions of each channel that are averaged, a power of two and not more than the
+        /// period: the last of it.
+        averaging = 16.0, "conversions", 1.0 => 4096.0, Setting;
+        /// Conversions of each channel from one solution to the next, a power of two; 16 take 8 ms.
+        period = 16.0, "conversions", 16.0 => 4096.0, Setting;
+    }
+}
+
+impl Controller {
+    /// The device's setting; the default where the values are not admissible.
+    #[must_use]
+    pub fn averaging(&self) -> Averaging {
+        let log2 = |value: f64| (value as u32).checked_ilog2().unwrap_or(0) as u8;
+        Averaging::new(log2(self.averaging), log2(self.period)).unwrap_or(Averaging::DEFAULT)
     }
 }
 

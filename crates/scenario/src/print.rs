@@ -45,6 +45,11 @@ pub fn print_scenario(scenario: &Scenario) -> String {
     out.parameters(&scenario.frontend.list());
     out.table("adc", "Errors of the converter.");
     out.parameters(&scenario.adc.list());
+    out.table(
+        "controller",
+        "What the controller averages, as its EEPROM says.",
+    );
+    out.parameters(&scenario.controller.list());
     out.table("noise", "Noise of everything above at once.");
     out.key(
         "All noise on or off; with off the same run is free of chance.",

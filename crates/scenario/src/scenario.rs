@@ -9,7 +9,7 @@ use crate::check::range;
 use crate::error::Error;
 use crate::field::{self, EarthField};
 use crate::grid::Grid;
-use crate::hardware::{Accelerometer, Adc, Clock, Frontend, Magnetometer};
+use crate::hardware::{Accelerometer, Adc, Clock, Controller, Frontend, Magnetometer};
 use crate::mounting::Mounting;
 use crate::overlay::{Climate, Disturbance, Vibration};
 use crate::parameter::{Origin, Parameter, Parameters};
@@ -67,6 +67,8 @@ pub struct Scenario {
     pub frontend: Frontend,
     /// The converter.
     pub adc: Adc,
+    /// The controller's settings.
+    pub controller: Controller,
     /// Switches of the noise.
     pub noise: Noise,
     /// Recordings: the mounting of their sensors.
@@ -254,6 +256,7 @@ impl Default for Scenario {
             sensors: Sensors::default(),
             frontend: Frontend::default(),
             adc: Adc::default(),
+            controller: Controller::default(),
             noise: Noise::default(),
             mounting: Mounting::default(),
             calibration: CalibrationOverride::default(),
@@ -318,7 +321,7 @@ impl Scenario {
     /// All numeric parameters with their present values, in file order.
     #[must_use]
     pub fn parameters(&self) -> Vec<Parameter> {
-        let tables: [&dyn Parameters; 12] = [
+        let tables: [&dyn Parameters; 13] = [
             &self.motion.tumble,
             &self.motion.grid,
             &self.motion.sweep,
@@ -331,6 +334,7 @@ impl Scenario {
             &self.sensors.magnetometer,
             &self.frontend,
             &self.adc,
+            &self.controller,
         ];
         tables.iter().flat_map(|table| table.list()).collect()
     }
@@ -373,6 +377,7 @@ impl Scenario {
             "sensors.accelerometer" => &mut self.sensors.accelerometer,
             "sensors.magnetometer" => &mut self.sensors.magnetometer,
             "frontend" => &mut self.frontend,
+            "controller" => &mut self.controller,
             _ => &mut self.adc,
         };
         if let Some(present) = table.value_mut(key) {

@@ -29,9 +29,9 @@ fn every_bundled_scenario_loads_and_runs() {
 
 #[test]
 fn the_default_run_holds_a_thousand_solutions_and_ten_seconds() {
-    use cardan_spec::timing::{CPU_HZ, SOLUTION_CYCLES, WARM_UP_SOLUTIONS};
+    use cardan_spec::timing::{BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
     let seconds = Scenario::load(DEFAULT).expect("bundled").seconds;
-    let solutions = seconds * CPU_HZ as f64 / SOLUTION_CYCLES as f64 - WARM_UP_SOLUTIONS as f64;
+    let solutions = seconds * CPU_HZ as f64 / BLOCK_CYCLES as f64 - WARM_UP_BLOCKS as f64;
     assert!(seconds >= 10.0 && solutions >= 1000.0);
 }
 

@@ -1,12 +1,16 @@
-//! Layout of the calibration in the controller's EEPROM, from address 0, all little-endian.
+//! Layout of the settings in the controller's EEPROM, from address 0, all little-endian.
 //!
 //! | offset | type | content |
 //! |---|---|---|
 //! | 0 | u16 | [`MAGIC`] |
 //! | 2 | u8 | [`VERSION`] |
 //! | 3 | u8 | number of words, [`WORDS`] |
-//! | 4 | i32 x WORDS | values with [`FRAC`] fractional bits, in the order of [`Calibration`]'s fields |
-//! | 4 + 4 WORDS | u16 | CRC-16/CCITT (as in frames) of everything before |
+//! | 4 | u8 | log2 of the conversions averaged per channel, 0 to 12 |
+//! | 5 | u8 | log2 of the conversions per channel from one solution to the next, 4 to 12, not less than the former |
+//! | 6 | i32 x WORDS | values with [`FRAC`] fractional bits, in the order of [`Calibration`]'s fields |
+//! | 6 + 4 WORDS | u16 | CRC-16/CCITT (as in frames) of everything before |
+//!
+//! A device that finds anything else is uncalibrated: nominal values, 16 of 16 conversions averaged.
 //!
 //! With a = average bipolar code / 512 (a fraction of full scale, -1..1):
 //! (t1, t2) = tilt_matrix (a_tilt - tilt_offset), the gravity component along body x and y in g;
@@ -16,13 +20,19 @@
 /// First word of a valid image.
 pub const MAGIC: u16 = 0xCA1D;
 /// Layout version.
-pub const VERSION: u8 = 1;
+pub const VERSION: u8 = 2;
 /// Number of values.
 pub const WORDS: usize = 15;
 /// Fractional bits of every value: +-8 with a resolution of 4e-9.
 pub const FRAC: u32 = 28;
 /// Bytes of the image.
-pub const LEN: usize = 4 + 4 * WORDS + 2;
+pub const LEN: usize = WORDS_AT + 4 * WORDS + 2;
+/// Offset of the log2 of the averaging length.
+pub const AVERAGING_AT: usize = 4;
+/// Offset of the log2 of the solution period.
+pub const PERIOD_AT: usize = 5;
+/// Offset of the first value.
+pub const WORDS_AT: usize = 6;
 
 /// The calibration as real numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -5,7 +5,7 @@
 //! | offset | type | content |
 //! |---|---|---|
 //! | 0 | u16 | sequence number of the solution; the first after settling is 0 |
-//! | 2 | 4 x i16 | sums of the bipolar codes per channel, in conversion order |
+//! | 2 | 4 x i16 | averages over full scale per channel, in conversion order, 15 fractional bits: the average bipolar code with 6 fractional bits, exact for up to 64 conversions, rounded beyond |
 //! | 10 | 3 x i16 | yaw, pitch, roll of set 1 (Z-Y-X) in half turns, 15 fractional bits |
 //! | 16 | u16 | status bits ([`crate::flags`]) |
 //! | 18 | u16 | CRC-16/CCITT (polynomial 0x1021, start 0xFFFF, as "CRC-16/IBM-3740") of bytes 0..18 |
@@ -16,8 +16,8 @@ pub const PAYLOAD_LEN: usize = 20;
 pub const WIRE_LEN: usize = PAYLOAD_LEN + 2;
 /// The byte that ends a frame.
 pub const DELIMITER: u8 = 0;
-/// Fractional bits of the angles.
-pub const ANGLE_FRAC: u32 = 15;
+/// Fractional bits of averages and angles.
+pub const FRAC: u32 = 15;
 /// A received byte that switches the device to text lines.
 pub const COMMAND_TEXT: u8 = b't';
 /// A received byte that switches the device to binary frames.

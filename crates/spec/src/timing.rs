@@ -28,22 +28,126 @@ pub const ADC_PRESCALER: u64 = 128;
 /// synchronisation and 2 ADC clocks (data sheet, ADC timing, auto-triggered conversion).
 pub const ADC_HOLD_CYCLES: u64 = 3 + 2 * ADC_PRESCALER;
 
-/// log2 of the number of conversions averaged per channel.
-pub const AVERAGING_LOG2: u32 = 4;
+/// Rounds (one conversion of each channel) of a block. The sample interrupt sums blocks, the main loop
+/// adds blocks to averages of any length.
+pub const BLOCK_ROUNDS: usize = 16;
 
-/// Conversions averaged per channel: 16 give 125 solutions per second, each 8 ms long.
-pub const AVERAGING: usize = 1 << AVERAGING_LOG2;
+/// Conversions of a block; the channels are interleaved, one conversion each in turn.
+pub const BLOCK_CONVERSIONS: usize = BLOCK_ROUNDS * super::CHANNELS;
 
-/// Conversions per solution; the channels are interleaved, one conversion each in turn.
-pub const CONVERSIONS_PER_SOLUTION: usize = AVERAGING * super::CHANNELS;
+/// CPU cycles of a block: 8 ms.
+pub const BLOCK_CYCLES: u64 = BLOCK_CONVERSIONS as u64 * CONVERSION_CYCLES;
 
-/// CPU cycles per solution.
-pub const SOLUTION_CYCLES: u64 = CONVERSIONS_PER_SOLUTION as u64 * CONVERSION_CYCLES;
+/// Blocks ignored after reset (neither summed nor published), while the analog filters settle: 12 of
+/// 8 ms are more than ten time constants of the slowest (31 Hz) low-pass. Solution periods follow.
+pub const WARM_UP_BLOCKS: usize = 12;
 
-/// Solutions' worth of conversions ignored after reset (neither summed nor published), while the
-/// analog filters settle: 12 of 8 ms are more than ten time constants of the slowest (31 Hz)
-/// low-pass.
-pub const WARM_UP_SOLUTIONS: usize = 12;
+/// How many conversions of a channel are averaged, and how often: once in a period, the last of it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Averaging {
+    log2: u8,
+    period_log2: u8,
+}
+
+impl Averaging {
+    /// Largest log2 of averaging length and period: 4096 conversions, 2 s.
+    pub const MOST_LOG2: u8 = 12;
+    /// Least log2 of the period: a block, so that solutions leave time to be computed and sent.
+    pub const LEAST_PERIOD_LOG2: u8 = BLOCK_ROUNDS.trailing_zeros() as u8;
+    /// What a device without a valid calibration does: 16 of 16, 125 solutions per second.
+    pub const DEFAULT: Self = Self {
+        log2: Self::LEAST_PERIOD_LOG2,
+        period_log2: Self::LEAST_PERIOD_LOG2,
+    };
+
+    /// From the log2 of both numbers of conversions per channel; `None` if the period is not between
+    /// [`Self::LEAST_PERIOD_LOG2`] and [`Self::MOST_LOG2`], or shorter than what is averaged.
+    #[must_use]
+    pub const fn new(log2: u8, period_log2: u8) -> Option<Self> {
+        let is_admissible = log2 <= period_log2
+            && Self::LEAST_PERIOD_LOG2 <= period_log2
+            && period_log2 <= Self::MOST_LOG2;
+        if is_admissible {
+            Some(Self { log2, period_log2 })
+        } else {
+            None
+        }
+    }
+
+    /// log2 of the conversions averaged per channel.
+    #[must_use]
+    pub const fn log2(self) -> u8 {
+        self.log2
+    }
+
+    /// log2 of the conversions per channel from one solution to the next.
+    #[must_use]
+    pub const fn period_log2(self) -> u8 {
+        self.period_log2
+    }
+
+    /// Conversions averaged per channel.
+    #[must_use]
+    pub const fn length(self) -> usize {
+        1 << self.log2
+    }
+
+    /// Conversions per channel from one solution to the next.
+    #[must_use]
+    pub const fn period(self) -> usize {
+        1 << self.period_log2
+    }
+
+    /// Conversions of all channels from one solution to the next.
+    #[must_use]
+    pub const fn conversions(self) -> usize {
+        self.period() * super::CHANNELS
+    }
+
+    /// CPU cycles from one solution to the next.
+    #[must_use]
+    pub const fn cycles(self) -> u64 {
+        self.conversions() as u64 * CONVERSION_CYCLES
+    }
+
+    /// Blocks of a period.
+    #[must_use]
+    pub const fn blocks(self) -> usize {
+        self.period() / BLOCK_ROUNDS
+    }
+
+    /// Blocks of a period that count: the last.
+    #[must_use]
+    pub const fn counted_blocks(self) -> usize {
+        if self.length() < BLOCK_ROUNDS {
+            1
+        } else {
+            self.length() / BLOCK_ROUNDS
+        }
+    }
+
+    /// Conversions of each block that are summed, its last: all, or one average's.
+    #[must_use]
+    pub const fn summed_conversions(self) -> usize {
+        if self.length() < BLOCK_ROUNDS {
+            self.length() * super::CHANNELS
+        } else {
+            BLOCK_CONVERSIONS
+        }
+    }
+
+    /// Whether conversion `index` of a period is one of those that are averaged.
+    #[must_use]
+    pub const fn counts(self, index: usize) -> bool {
+        index >= self.conversions() - self.length() * super::CHANNELS
+    }
+
+    /// Whether conversion `index` of a period is summed in its block.
+    #[must_use]
+    pub const fn is_summed(self, index: usize) -> bool {
+        index % BLOCK_CONVERSIONS >= BLOCK_CONVERSIONS - self.summed_conversions()
+    }
+}
 
 /// UBRR0 with U2X0 set: 16 MHz / (8 * 17) = 117,647 baud, 2.1 % above 115,200.
 pub const UBRR: u16 = 16;

@@ -5,21 +5,20 @@
 
 use cardan_datapath::fixed::traits::Fixed;
 use cardan_datapath::{Arithmetic, Container, Deployed, Node, Silent, Value};
-use cardan_firmware::averaging::{Averager, Sums};
-use cardan_firmware::calibration::NOMINAL;
+use cardan_firmware::averaging::{Averages, Decimator};
+use cardan_firmware::calibration::{NOMINAL, Settings};
 use cardan_firmware::device::Solver;
 use cardan_firmware::frame::{Frame, crc16};
 use cardan_firmware::nodes::{
-    Centred, Cos1, CosRoll, Down, HeadingCos1, LevelCos, One, Radicand, Square, TiltGain,
-    TiltProduct, TiltX, TiltY, Weight1, YawCorrection, YawDifference,
+    Accumulator, Block, Centred, Cos1, CosRoll, Down, HeadingCos1, LevelCos, One, Radicand, Square,
+    TiltGain, TiltProduct, TiltX, TiltY, Weight1, YawCorrection, YawDifference,
 };
-use cardan_spec::CHANNELS;
-use cardan_spec::calibration::{LEN, WORDS};
-use cardan_spec::timing::{AVERAGING, WARM_UP_SOLUTIONS};
+use cardan_spec::calibration::LEN;
+use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_units::AdcCode;
 
 /// Conversions of a solution.
-const CONVERSIONS: usize = CHANNELS * AVERAGING;
+const CONVERSIONS: usize = BLOCK_CONVERSIONS;
 /// Solutions that are computed.
 pub(crate) const SOLUTIONS: usize = 12;
 /// Operations per kernel.
@@ -168,7 +167,7 @@ pub(crate) fn roots() -> u16 {
     })
 }
 
-/// Sums, differences, shifts, limits.
+/// Sums, differences, shifts, scales, limits.
 #[inline(never)]
 pub(crate) fn sums() -> u16 {
     checksum(|m, words, sum| {
@@ -176,6 +175,9 @@ pub(crate) fn sums() -> u16 {
         sum.add(m.add::<TiltX, _, _>(a, b));
         sum.add(m.sub::<One, _, _>(a, b));
         sum.add(m.shift::<Centred, _, 3>(a));
+        // The averages' powers, and one beyond at either end.
+        let power = words.raw::<One>().rem_euclid(15) - 22;
+        sum.add(m.scale::<Block, Accumulator, -21, -9>(words.value(), power));
         sum.add(m.neg::<TiltY, _>(a));
         sum.add(m.abs::<Cos1, _>(a));
         sum.add(m.select::<TiltX, _, _>(m.less(a, b), a, b));
@@ -186,32 +188,39 @@ pub(crate) fn sums() -> u16 {
 /// `is_good` refuses.
 #[inline(never)]
 pub(crate) fn solutions(mut is_good: impl FnMut(usize, &Frame) -> bool) -> bool {
-    let mut solver = Solver::new(Silent, &eeprom());
+    let settings = Settings::from_image(&eeprom());
+    let mut solver = Solver::new(Silent, &settings);
     let m = Deployed::new(Silent);
-    let mut averager = Averager::new(&m);
-    for _ in 0..WARM_UP_SOLUTIONS * CONVERSIONS {
-        if averager.push(&m, AdcCode(1023)).is_some() {
+    let mut decimator = Decimator::new(&m, settings.averaging);
+    for _ in 0..WARM_UP_BLOCKS * CONVERSIONS {
+        if decimator.push(&m, AdcCode(1023)).is_some() {
             return false;
         }
     }
     for number in 0..SOLUTIONS {
-        let mut complete: Option<Sums<_>> = None;
+        let mut complete: Option<Averages<_>> = None;
         for index in 0..CONVERSIONS {
             if complete.is_some() {
                 return false;
             }
-            complete = averager.push(&m, AdcCode(code(number, index)));
+            complete = decimator.push(&m, AdcCode(code(number, index)));
         }
         match complete {
-            Some(sums) if is_good(number, &solver.solve(&sums, false)) => {}
+            Some(averages) if is_good(number, &solver.solve(&averages)) => {}
             _ => return false,
         }
     }
     true
 }
 
-/// A valid calibration image.
+/// Valid settings.
+pub(crate) const SETTINGS: Settings = Settings {
+    words: NOMINAL,
+    averaging: Averaging::DEFAULT,
+    uncalibrated: false,
+};
+
+/// Their image.
 pub(crate) fn eeprom() -> [u8; LEN] {
-    let words: [i32; WORDS] = NOMINAL;
-    cardan_firmware::calibration::encode(&words)
+    SETTINGS.image()
 }

@@ -7,10 +7,11 @@ use cardan_frontend::{AdcErrors, Frontend, Pin as DrivenPin};
 use cardan_golden::{Angles, EarthField, angles_of, codes_of, ideal_readings};
 use cardan_scenario::Trajectory;
 use cardan_spec::calibration::Calibration;
+use cardan_spec::nodes;
 use cardan_spec::timing::{
-    CONVERSION_CYCLES, CONVERSIONS_PER_SOLUTION, CPU_HZ, SOLUTION_CYCLES, WARM_UP_SOLUTIONS,
+    Averaging, BLOCK_CONVERSIONS, BLOCK_CYCLES, CONVERSION_CYCLES, CPU_HZ, WARM_UP_BLOCKS,
 };
-use cardan_spec::{Channel, frame};
+use cardan_spec::{CHANNELS, Channel, frame};
 use cardan_units::{Cycles, Volts};
 
 use super::schedule::Schedule;
@@ -20,6 +21,9 @@ use std::sync::Arc;
 
 /// Longest message kept while waiting for its delimiter: a text line or a broken frame.
 const LONGEST_MESSAGE: usize = 64;
+
+/// Conversions before the first period.
+const WARM_UP_CONVERSIONS: u64 = (WARM_UP_BLOCKS * BLOCK_CONVERSIONS) as u64;
 
 /// The pins by which the firmware drives the board.
 const CARRIER: Pin = Pin::b(1);
@@ -38,6 +42,7 @@ pub(super) struct Board<'a> {
     pub(super) sink: &'a mut dyn Sink,
     /// Solutions of the run.
     pub(super) solutions: u64,
+    pub(super) averaging: Averaging,
     pub(super) state: State,
 }
 
@@ -63,7 +68,7 @@ pub(super) struct State {
 impl Board<'_> {
     /// Conversions of the whole run, warm-up included.
     pub(super) fn last_conversion(&self) -> u64 {
-        (WARM_UP_SOLUTIONS as u64 + self.solutions) * CONVERSIONS_PER_SOLUTION as u64
+        WARM_UP_CONVERSIONS + self.solutions * self.averaging.conversions() as u64
     }
 
     fn keep(&mut self, result: Result<(), SinkError>) {
@@ -82,10 +87,10 @@ impl Board<'_> {
             .map_or(f64::NAN, |codes| codes[channel])
     }
 
-    /// A solution's conversions are complete: its output instant is the centre of its hold
-    /// instants less the group delay.
+    /// A solution's conversions are complete: its output instant is the centre of the hold instants
+    /// of those that are averaged, less the group delay.
     fn complete(&mut self, done: u64) {
-        let mean = self.state.hold_sum as f64 / CONVERSIONS_PER_SOLUTION as f64;
+        let mean = self.state.hold_sum as f64 / (self.averaging.length() * CHANNELS) as f64;
         self.state.hold_sum = 0;
         self.state.pending.push_back(done);
         let time_s = mean / CPU_HZ as f64 - self.frontend.design().group_delay_s();
@@ -108,9 +113,9 @@ impl Environment for Board<'_> {
             CARRIER => DrivenPin::Carrier,
             STROBE => DrivenPin::Strobe,
             SOLVING if !level => {
-                // The deadline: done before the next solution's conversions are complete.
+                // The deadline: done before the next block's conversions are complete.
                 if let Some(complete) = self.state.pending.pop_front() {
-                    self.state.missed_deadlines += u64::from(cycle > complete + SOLUTION_CYCLES);
+                    self.state.missed_deadlines += u64::from(cycle > complete + BLOCK_CYCLES);
                 }
                 return;
             }
@@ -184,12 +189,15 @@ impl Environment for Board<'_> {
         };
         let result = self.sink.conversion(&conversion);
         self.keep(result);
-        let per_solution = CONVERSIONS_PER_SOLUTION as u64;
-        if sequence >= WARM_UP_SOLUTIONS as u64 * per_solution {
+        let Some(settled) = sequence.checked_sub(WARM_UP_CONVERSIONS) else {
+            return;
+        };
+        let index = settled as usize % self.averaging.conversions();
+        if self.averaging.counts(index) {
             self.state.hold_sum += u128::from(event.hold_cycle);
-            if (sequence + 1).is_multiple_of(per_solution) {
-                self.complete(event.done_cycle);
-            }
+        }
+        if index + 1 == self.averaging.conversions() {
+            self.complete(event.done_cycle);
         }
     }
 
@@ -225,7 +233,8 @@ impl Environment for Board<'_> {
         if let Some(slot) = self.per_conversion.iter().position(|&index| index == node) {
             let writes = &mut self.state.sampled_writes[slot];
             *writes += 1;
-            if *writes > self.solutions * CONVERSIONS_PER_SOLUTION as u64 {
+            let most = self.solutions * nodes::SAMPLE.per_solution(self.averaging) as u64;
+            if *writes > most {
                 return;
             }
         }

@@ -3,26 +3,27 @@
 
 use cardan_datapath::Arithmetic;
 use cardan_firmware::attitude::{self, solve};
-use cardan_firmware::averaging::Averager;
+use cardan_firmware::averaging::Decimator;
 use cardan_firmware::calibration::Calibration;
 use cardan_numerics::Datapath;
-use cardan_spec::CHANNELS;
 use cardan_spec::calibration::WORDS;
-use cardan_spec::timing::{AVERAGING, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_units::AdcCode;
 
-/// The attitude with these calibration words; a step's inputs are the codes of one solution, in the
+/// The attitude with these calibration words; a step's inputs are the codes of one period, in the
 /// order of conversion.
 #[derive(Clone, Debug)]
 pub struct AttitudeDatapath {
     /// Words of the EEPROM image.
     pub words: [i32; WORDS],
+    /// Lengths of averages and periods.
+    pub averaging: Averaging,
 }
 
 /// Calibration, averager and what solutions leave to each other.
 pub struct State<M: Arithmetic> {
     calibration: Calibration<M>,
-    averager: Averager<M>,
+    decimator: Decimator<M>,
     state: attitude::State<M>,
 }
 
@@ -30,14 +31,14 @@ impl Datapath for AttitudeDatapath {
     type State<M: Arithmetic> = State<M>;
 
     fn start<M: Arithmetic>(&self, m: &M) -> State<M> {
-        let mut averager = Averager::new(m);
+        let mut decimator = Decimator::new(m, self.averaging);
         // The warm-up is ignored before it reaches the arithmetic.
-        for _ in 0..WARM_UP_SOLUTIONS * AVERAGING * CHANNELS {
-            averager.push(m, AdcCode(0));
+        for _ in 0..WARM_UP_BLOCKS * BLOCK_CONVERSIONS {
+            decimator.push(m, AdcCode(0));
         }
         State {
             calibration: Calibration::new(m, &self.words),
-            averager,
+            decimator,
             state: attitude::State::new(m),
         }
     }
@@ -46,8 +47,8 @@ impl Datapath for AttitudeDatapath {
         for &code in inputs {
             // Codes have ten bits.
             let code = AdcCode(code as u16);
-            if let Some(sums) = state.averager.push(m, code) {
-                solve(m, &state.calibration, &mut state.state, &sums);
+            if let Some(averages) = state.decimator.push(m, code) {
+                solve(m, &state.calibration, &mut state.state, &averages);
             }
         }
     }

@@ -4,20 +4,21 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use cardan_emulator::{ATMEGA328P, Machine, Stop};
-use cardan_firmware::calibration::encode;
 use cardan_firmware::nodes::{Accumulator, Sample};
 use cardan_frontend::{AdcErrors, Frontend};
 use cardan_scenario::{Scenario, Trajectory};
-use cardan_spec::calibration::{Calibration, LEN, WORDS};
-use cardan_spec::timing::{CPU_HZ, SOLUTION_CYCLES, WARM_UP_SOLUTIONS};
+use cardan_spec::calibration::{Calibration, LEN};
+use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
 
 use super::board::{Board, State};
+use super::{calibration_of, settings_of};
+use crate::app::Configuration;
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 use crate::image::Firmware;
 
 /// Cycles after the last solution's conversions in which its frame must be out: computing takes
-/// less than one solution period, or the deadline is missed, and the frame a quarter of one.
-const LAST_FRAME_CYCLES: u64 = SOLUTION_CYCLES;
+/// less than one block's time, or the deadline is missed, and the frame a quarter of one.
+const LAST_FRAME_CYCLES: u64 = BLOCK_CYCLES;
 
 /// A machine with its firmware, ready on a board.
 pub(super) struct EmulatedEngine {
@@ -28,6 +29,7 @@ pub(super) struct EmulatedEngine {
     trajectory: Arc<Trajectory>,
     calibration: Calibration,
     solutions: u64,
+    averaging: Averaging,
 }
 
 impl EmulatedEngine {
@@ -35,24 +37,24 @@ impl EmulatedEngine {
         scenario: &Scenario,
         seed: u64,
         trajectory: Arc<Trajectory>,
-        calibration: Calibration,
-        words: &[i32; WORDS],
-        solutions: u64,
+        configuration: &Configuration,
         firmware: &Firmware,
     ) -> Result<Self, String> {
         let frontend = Frontend::new(scenario, seed, Arc::clone(&trajectory))
             .map_err(|error| format!("scenario {}: {error}", scenario.name))?;
         let mut machine = Machine::new(&ATMEGA328P, CPU_HZ);
         machine.load(&firmware.image);
-        machine.eeprom_mut()[..LEN].copy_from_slice(&encode(words));
+        let settings = settings_of(configuration);
+        machine.eeprom_mut()[..LEN].copy_from_slice(&settings.image());
         Ok(Self {
             machine,
             firmware: firmware.clone(),
             frontend,
             adc: AdcErrors::new(scenario, seed),
             trajectory,
-            calibration,
-            solutions,
+            calibration: calibration_of(&settings.words),
+            solutions: configuration.solutions,
+            averaging: settings.averaging,
         })
     }
 }
@@ -69,10 +71,12 @@ impl Engine for EmulatedEngine {
             per_conversion: [index::<Sample>(), index::<Accumulator>()],
             sink,
             solutions: self.solutions,
+            averaging: self.averaging,
             state: State::default(),
         };
-        let limit =
-            (WARM_UP_SOLUTIONS as u64 + self.solutions) * SOLUTION_CYCLES + LAST_FRAME_CYCLES;
+        let limit = WARM_UP_BLOCKS as u64 * BLOCK_CYCLES
+            + self.solutions * self.averaging.cycles()
+            + LAST_FRAME_CYCLES;
         let stop = self.machine.run(&mut board, limit);
         if let Some(error) = board.state.error.take() {
             return Err(EngineError::Link(error));

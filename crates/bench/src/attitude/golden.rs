@@ -1,11 +1,11 @@
 //! The golden model as an engine.
 
 use cardan_golden::Golden;
-use cardan_spec::calibration::Calibration;
 use cardan_spec::{Channel, REFERENCE_V};
 use cardan_units::{AdcCode, Volts, ideal_bipolar_code};
 
-use crate::app::Feed;
+use super::{calibration_of, words_of};
+use crate::app::{Configuration, Feed};
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 
 /// The golden model on one of its feeds. Nodes are indices into the shared nodes' table.
@@ -15,9 +15,10 @@ pub(super) struct GoldenEngine {
 }
 
 impl GoldenEngine {
-    pub(super) fn new(calibration: &Calibration, feed: Feed) -> Self {
+    pub(super) fn new(configuration: &Configuration, feed: Feed) -> Self {
+        let calibration = calibration_of(&words_of(configuration));
         Self {
-            golden: Golden::new(calibration),
+            golden: Golden::with_averaging(&calibration, configuration.averaging()),
             feed,
         }
     }

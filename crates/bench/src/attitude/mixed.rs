@@ -6,13 +6,12 @@ use std::rc::Rc;
 
 use cardan_datapath::{Arithmetic, Format, Node, Value};
 use cardan_firmware::attitude::{Angles, State, solve};
-use cardan_firmware::averaging::{Averager, Sums};
-use cardan_firmware::calibration::Calibration;
+use cardan_firmware::averaging::{Averages, Decimator};
+use cardan_firmware::calibration::{Calibration, Settings};
 use cardan_firmware::frame::Frame;
 use cardan_firmware::nodes::NODE_COUNT;
 use cardan_numerics::{Formats, Mixed, Observer};
-use cardan_spec::calibration::WORDS;
-use cardan_spec::frame::ANGLE_FRAC;
+use cardan_spec::frame::FRAC;
 use cardan_units::AdcCode;
 
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
@@ -49,31 +48,31 @@ enum Shows {
 pub(super) struct MixedEngine {
     buffer: Buffer,
     m: Mixed<Buffer>,
-    words: [i32; WORDS],
+    settings: Settings,
     shows: Shows,
 }
 
 impl MixedEngine {
     /// Shows node values as real numbers.
-    pub(super) fn values(formats: &Formats, words: &[i32; WORDS]) -> Self {
-        Self::new(formats, words, Shows::Values)
+    pub(super) fn values(formats: &Formats, settings: &Settings) -> Self {
+        Self::new(formats, settings, Shows::Values)
     }
 
     /// Shows words and frames, as the firmware would in `formats`.
-    pub(super) fn words(formats: &Formats, words: &[i32; WORDS]) -> Result<Self, String> {
+    pub(super) fn words(formats: &Formats, settings: &Settings) -> Result<Self, String> {
         let all: Option<Vec<Format>> = formats.as_slice().iter().copied().collect();
         let all = all.ok_or("a device has a format for every node")?;
-        Ok(Self::new(formats, words, Shows::Words(all)))
+        Ok(Self::new(formats, settings, Shows::Words(all)))
     }
 
-    fn new(formats: &Formats, words: &[i32; WORDS], shows: Shows) -> Self {
+    fn new(formats: &Formats, settings: &Settings, shows: Shows) -> Self {
         let buffer = Buffer::default();
         buffer.overflows.borrow_mut().resize(NODE_COUNT, 0);
         let m = Mixed::new(formats, buffer.clone());
         Self {
             buffer,
             m,
-            words: *words,
+            settings: *settings,
             shows,
         }
     }
@@ -92,33 +91,31 @@ impl MixedEngine {
         &self,
         formats: &[Format],
         sequence: u16,
-        sums: &Sums<Mixed<Buffer>>,
+        averages: &Averages<Mixed<Buffer>>,
         angles: &Angles<Mixed<Buffer>>,
         flags: u16,
     ) -> Frame {
         Frame {
             sequence,
-            sums: sums
-                .sums
-                .map(|sum| sum.word().raw.unwrap_or_default() as i16),
+            averages: averages.values.map(|average| word(average, formats)),
             angles: [
-                angle(angles.yaw, formats),
-                angle(angles.pitch, formats),
-                angle(angles.roll, formats),
+                word(angles.yaw, formats),
+                word(angles.pitch, formats),
+                word(angles.roll, formats),
             ],
             flags,
         }
     }
 }
 
-/// An angle with the frame's fractional bits, whatever the node's format.
-fn angle<N: Node>(value: Value<Mixed<Buffer>, N>, formats: &[Format]) -> i16 {
+/// A value with the frame's fractional bits, whatever the node's format.
+fn word<N: Node>(value: Value<Mixed<Buffer>, N>, formats: &[Format]) -> i16 {
     let raw = value.word().raw.unwrap_or_default();
     let frac = formats[N::INDEX].frac;
-    if frac >= ANGLE_FRAC {
-        (raw >> (frac - ANGLE_FRAC)) as i16
+    if frac >= FRAC {
+        (raw >> (frac - FRAC)) as i16
     } else {
-        (raw << (ANGLE_FRAC - frac)) as i16
+        (raw << (FRAC - frac)) as i16
     }
 }
 
@@ -129,17 +126,20 @@ impl Engine for MixedEngine {
         sink: &mut dyn Sink,
     ) -> Result<Summary, EngineError> {
         let m = &self.m;
-        let calibration = Calibration::new(m, &self.words);
+        let calibration = Calibration::new(m, &self.settings.words);
         let mut state = State::new(m);
-        let mut averager = Averager::new(m);
+        let mut decimator = Decimator::new(m, self.settings.averaging);
         let mut sequence = 0_u16;
         for conversion in conversions {
             let conversion = conversion?;
-            let sums = averager.push(m, AdcCode(conversion.code));
-            let solved = sums.map(|sums| (sums, solve(m, &calibration, &mut state, &sums)));
+            let averages = decimator.push(m, AdcCode(conversion.code));
+            let solved = averages.map(|averages| {
+                let angles = solve(m, &calibration, &mut state, &averages);
+                (averages, angles)
+            });
             self.pass_on(conversion.cycle, sink)?;
-            if let (Some((sums, angles)), Shows::Words(formats)) = (solved, &self.shows) {
-                let frame = self.frame(formats, sequence, &sums, &angles, m.take_status());
+            if let (Some((averages, angles)), Shows::Words(formats)) = (solved, &self.shows) {
+                let frame = self.frame(formats, sequence, &averages, &angles, m.take_status());
                 sink.frame(conversion.cycle, &frame.encode())?;
                 sequence = sequence.wrapping_add(1);
             }

@@ -17,12 +17,13 @@ use std::sync::Arc;
 
 use cardan_datapath::{Format, Node, NodeInfo};
 use cardan_firmware::FORMATS_HASH;
+use cardan_firmware::calibration::Settings;
 use cardan_firmware::nodes::{NODES, Pitch, Roll, Yaw};
 use cardan_numerics::Formats;
 use cardan_scenario::{Scenario, Trajectory, report};
 use cardan_spec::calibration::{Calibration, FRAC, WORDS};
 use cardan_spec::nodes::SHARED;
-use cardan_spec::timing::{CPU_HZ, SOLUTION_CYCLES, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
 use cardan_tune::Problem;
 
 use crate::app::{App, Configuration, Feed, RecordedRun, Tolerance};
@@ -61,18 +62,29 @@ fn words_of(configuration: &Configuration) -> [i32; WORDS] {
     words
 }
 
+fn settings_of(configuration: &Configuration) -> Settings {
+    Settings {
+        words: words_of(configuration),
+        averaging: configuration.averaging(),
+        uncalibrated: false,
+    }
+}
+
 /// Whole solutions in `seconds`, the warm-up taken off.
-fn solutions_in(seconds: f64) -> Result<u64, String> {
-    let periods = (seconds * CPU_HZ as f64 / SOLUTION_CYCLES as f64).floor() as u64;
-    let warm_up = WARM_UP_SOLUTIONS as u64;
-    if periods <= warm_up {
-        let least = (warm_up + 1) as f64 * SOLUTION_CYCLES as f64 / CPU_HZ as f64;
+fn solutions_in(seconds: f64, averaging: Averaging) -> Result<u64, String> {
+    let cycles = seconds * CPU_HZ as f64;
+    let warm_up = WARM_UP_BLOCKS as u64 * BLOCK_CYCLES;
+    let solutions = ((cycles - warm_up as f64) / averaging.cycles() as f64).floor();
+    if solutions < 1.0 {
+        let period = averaging.cycles() as f64 / CPU_HZ as f64;
+        let settling = warm_up as f64 / CPU_HZ as f64;
         return Err(format!(
-            "{seconds} seconds hold no solution: the device settles for {warm_up} solution periods \
-             first; give at least {least} s"
+            "{seconds} seconds hold no solution: the device settles for {settling} s first, and a \
+             solution takes {period} s; give at least {} s",
+            settling + period
         ));
     }
-    Ok(periods - warm_up)
+    Ok(solutions as u64)
 }
 
 impl App for Attitude {
@@ -98,12 +110,12 @@ impl App for Attitude {
         SHARED.iter().map(|shared| index(shared.name)).collect()
     }
 
-    fn tolerances(&self) -> &'static [Tolerance] {
-        &tolerances::TOLERANCES
+    fn tolerances(&self, configuration: &Configuration) -> Vec<Tolerance> {
+        tolerances::of(configuration.averaging())
     }
 
-    fn solution_seconds(&self) -> f64 {
-        SOLUTION_CYCLES as f64 / CPU_HZ as f64
+    fn solution_seconds(&self, configuration: &Configuration) -> f64 {
+        configuration.averaging().cycles() as f64 / CPU_HZ as f64
     }
 
     fn bundled(&self, tapped: bool) -> Option<&'static [u8]> {
@@ -121,21 +133,22 @@ impl App for Attitude {
         let seconds = trajectory
             .duration_s()
             .map_or(seconds, |end| seconds.min(end));
-        let solutions = solutions_in(seconds)?;
+        let averaging = scenario.controller.averaging();
+        let solutions = solutions_in(seconds, averaging)?;
         let words = calibration_words(&report::calibration(scenario, &trajectory));
+        let configuration = Configuration {
+            calibration: words.to_vec(),
+            solutions,
+            averaging_log2: averaging.log2(),
+            period_log2: averaging.period_log2(),
+        };
         let engine = emulated::EmulatedEngine::new(
             scenario,
             seed,
             Arc::new(trajectory),
-            calibration_of(&words),
-            &words,
-            solutions,
+            &configuration,
             firmware,
         )?;
-        let configuration = Configuration {
-            calibration: words.to_vec(),
-            solutions,
-        };
         Ok((configuration, Box::new(engine)))
     }
 
@@ -144,12 +157,12 @@ impl App for Attitude {
         configuration: &Configuration,
         formats: Option<&[Format]>,
     ) -> Result<Box<dyn Engine>, String> {
-        let words = words_of(configuration);
+        let settings = settings_of(configuration);
         let Some(formats) = formats else {
-            return Ok(Box::new(native::NativeEngine::new(&words)));
+            return Ok(Box::new(native::NativeEngine::new(&settings)));
         };
         let formats = formats_of(Some(formats))?;
-        Ok(Box::new(mixed::MixedEngine::words(&formats, &words)?))
+        Ok(Box::new(mixed::MixedEngine::words(&formats, &settings)?))
     }
 
     fn real(
@@ -161,13 +174,12 @@ impl App for Attitude {
         let formats = formats_of(formats)?.prefix(quantised);
         Ok(Box::new(mixed::MixedEngine::values(
             &formats,
-            &words_of(configuration),
+            &settings_of(configuration),
         )))
     }
 
     fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine> {
-        let calibration = calibration_of(&words_of(configuration));
-        Box::new(golden::GoldenEngine::new(&calibration, feed))
+        Box::new(golden::GoldenEngine::new(configuration, feed))
     }
 
     fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)> {

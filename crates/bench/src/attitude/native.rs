@@ -4,11 +4,10 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use cardan_datapath::{Arithmetic, Deployed, Tap};
-use cardan_firmware::averaging::Averager;
-use cardan_firmware::calibration::encode;
+use cardan_firmware::averaging::Decimator;
+use cardan_firmware::calibration::Settings;
 use cardan_firmware::device::Solver;
 use cardan_firmware::nodes::NODE_COUNT;
-use cardan_spec::calibration::WORDS;
 use cardan_units::AdcCode;
 
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
@@ -36,21 +35,22 @@ impl Tap for Buffer {
 pub(super) struct NativeEngine {
     buffer: Buffer,
     m: Deployed<Buffer>,
-    averager: Averager<Deployed<Buffer>>,
+    decimator: Decimator<Deployed<Buffer>>,
     solver: Solver<Buffer>,
 }
 
 impl NativeEngine {
-    pub(super) fn new(words: &[i32; WORDS]) -> Self {
+    pub(super) fn new(settings: &Settings) -> Self {
         let buffer = Buffer::default();
         buffer.overflows.borrow_mut().resize(NODE_COUNT, 0);
         let m = Deployed::new(buffer.clone());
-        let averager = Averager::new(&m);
-        let solver = Solver::new(buffer.clone(), &encode(words));
+        let decimator = Decimator::new(&m, settings.averaging);
+        let settings = Settings::from_image(&settings.image());
+        let solver = Solver::new(buffer.clone(), &settings);
         Self {
             buffer,
             m,
-            averager,
+            decimator,
             solver,
         }
     }
@@ -71,8 +71,8 @@ impl Engine for NativeEngine {
     ) -> Result<Summary, EngineError> {
         for conversion in conversions {
             let conversion = conversion?;
-            let sums = self.averager.push(&self.m, AdcCode(conversion.code));
-            let frame = sums.map(|sums| self.solver.solve(&sums, false));
+            let averages = self.decimator.push(&self.m, AdcCode(conversion.code));
+            let frame = averages.map(|averages| self.solver.solve(&averages));
             self.pass_on(conversion.cycle, sink)?;
             if let Some(frame) = frame {
                 sink.frame(conversion.cycle, &frame.encode())?;

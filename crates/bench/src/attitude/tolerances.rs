@@ -5,6 +5,8 @@
 //! sign of the vanishing function is noise, so that both models are right while 30 degrees apart; the
 //! weights take such values out, and yaw is judged.
 
+use cardan_spec::timing::Averaging;
+
 use crate::app::Tolerance;
 
 const fn tolerance(node: &'static str, max_abs: f64, reason: &'static str) -> Tolerance {
@@ -24,9 +26,10 @@ const HEADING: &str = "a quotient of rounded terms by h cos_1, at most 1/8 on st
 const ANGLE: &str = "one place of the polynomial and the rounded sine behind it";
 
 /// By node; the measured error is 1/3 to 1/2 of each.
-pub(super) static TOLERANCES: [Tolerance; 18] = [
+static TOLERANCES: [Tolerance; 19] = [
     tolerance("sample", 0.0, EXACT),
     tolerance("accumulator", 0.0, EXACT),
+    tolerance("mean", 0.0, EXACT),
     tolerance("average", 0.0, EXACT),
     tolerance("tilt_x", 8e-5, CALIBRATED),
     tolerance("tilt_y", 8e-5, CALIBRATED),
@@ -60,3 +63,16 @@ pub(super) static TOLERANCES: [Tolerance; 18] = [
         "sum of two squares of rounded readings",
     ),
 ];
+
+/// Longest average that its node holds without rounding: six fractional bits of a code.
+const LONGEST_EXACT: usize = 64;
+
+/// The tolerances at this averaging length.
+pub(super) fn of(averaging: Averaging) -> Vec<Tolerance> {
+    let rounded = tolerance("average", 1.6e-5, "rounded to half a place of 2^-15");
+    let given = |&given: &Tolerance| {
+        let is_rounded = averaging.length() > LONGEST_EXACT && given.node == rounded.node;
+        if is_rounded { rounded } else { given }
+    };
+    TOLERANCES.iter().map(given).collect()
+}

@@ -3,7 +3,7 @@
 use cardan_firmware::nodes::{Accumulator, NODES, Pitch, Roll, Sample, Yaw};
 use cardan_golden::{Angles, rotation_angle, set_1_matrix};
 use cardan_spec::nodes::SHARED;
-use cardan_spec::timing::{CONVERSIONS_PER_SOLUTION, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_spec::{CHANNELS, flags};
 use cardan_tune::{Case, Combined, Problem, Quantity};
 use cardan_units::{AdcCode, HalfTurns};
@@ -64,14 +64,15 @@ fn rotation_error(values: &[f64], references: &[f64]) -> f64 {
 }
 
 fn case(run: &RecordedRun) -> Result<Case, String> {
-    let settled = WARM_UP_SOLUTIONS * CONVERSIONS_PER_SOLUTION;
+    let averaging = run.configuration.averaging();
+    let settled = WARM_UP_BLOCKS * BLOCK_CONVERSIONS;
     let conversions = run.conversions.get(settled..).unwrap_or_default();
     let steps: Vec<Vec<i32>> = conversions
-        .chunks_exact(CONVERSIONS_PER_SOLUTION)
+        .chunks_exact(averaging.conversions())
         .map(|solution| solution.iter().map(|c| i32::from(c.code)).collect())
         .collect();
     let words = words_of(&run.configuration);
-    let recorded = Case::record(&run.name, &AttitudeDatapath { words }, &steps);
+    let recorded = Case::record(&run.name, &AttitudeDatapath { words, averaging }, &steps);
     let mut case = recorded.map_err(|error| format!("{}: {error}", run.name))?;
     let (lowest, highest) = (AdcCode(0).bipolar(), AdcCode(1023).bipolar());
     case.ports = vec![(lowest.into(), highest.into()); case.ports.len()];
@@ -107,8 +108,7 @@ impl Sink for Kept {
 }
 
 fn golden_angles(run: &RecordedRun) -> Result<Vec<Vec<f64>>, String> {
-    let calibration = super::calibration_of(&words_of(&run.configuration));
-    let mut engine = golden::GoldenEngine::new(&calibration, Feed::Codes);
+    let mut engine = golden::GoldenEngine::new(&run.configuration, Feed::Codes);
     let shared = |(name, _): (&str, usize)| {
         let found = SHARED.iter().position(|node| node.name == name);
         found.unwrap_or(usize::MAX)

@@ -11,7 +11,7 @@ use cardan_golden::{
 };
 use cardan_spec::calibration::Calibration;
 use cardan_spec::nodes::SHARED;
-use cardan_spec::timing::{CONVERSIONS_PER_SOLUTION, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_spec::{Channel, flags};
 use cardan_units::HalfTurns;
 
@@ -43,10 +43,10 @@ fn golden(
         solutions: Vec::new(),
         nodes: vec![Vec::new(); SHARED.len()],
     };
-    for conversion in 0..(WARM_UP_SOLUTIONS + solutions) * CONVERSIONS_PER_SOLUTION {
+    for conversion in 0..(WARM_UP_BLOCKS + solutions) * BLOCK_CONVERSIONS {
         let channel = Channel::ALL[conversion % 4];
-        let from_start = conversion as f64 / CONVERSIONS_PER_SOLUTION as f64;
-        let seconds = (from_start - WARM_UP_SOLUTIONS as f64) * SOLUTION_SECONDS;
+        let from_start = conversion as f64 / BLOCK_CONVERSIONS as f64;
+        let seconds = (from_start - WARM_UP_BLOCKS as f64) * SOLUTION_SECONDS;
         let code = code(conversion, channel, seconds);
         let nodes = &mut run.nodes;
         run.solutions
@@ -96,7 +96,7 @@ fn nodes(golden: &Golden64) -> Vec<Node> {
             Node {
                 name: shared.name.into(),
                 unit: shared.unit.into(),
-                per_solution: shared.per_solution,
+                per_solution: shared.per_solution(Averaging::DEFAULT),
                 format: Some(Format {
                     word: 16,
                     frac,
@@ -180,7 +180,7 @@ pub(crate) fn comparison(solutions: usize) -> Comparison {
             seed: 1,
             session: "a1b2c3".into(),
             seconds: solutions as f64 * SOLUTION_SECONDS,
-            samples: ((WARM_UP_SOLUTIONS + solutions) * CONVERSIONS_PER_SOLUTION) as u64,
+            samples: ((WARM_UP_BLOCKS + solutions) * BLOCK_CONVERSIONS) as u64,
             solution_seconds: SOLUTION_SECONDS,
         },
         nodes,

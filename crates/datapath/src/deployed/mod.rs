@@ -329,6 +329,42 @@ impl<T: Tap> Arithmetic for Deployed<T> {
     }
 
     #[inline(always)]
+    fn scale<N: Node, A: Node, const LEAST: i32, const MOST: i32>(
+        &self,
+        a: Value<Self, A>,
+        power: i32,
+    ) -> Value<Self, N> {
+        // Shifted left by what the power exceeds the least one, after which the point lies fixed.
+        let (frac, bits) = const {
+            assert!(LEAST <= MOST, "no power lies in LEAST..=MOST");
+            let frac = A::FORMAT.frac as i32 - LEAST;
+            assert!(
+                frac >= 0,
+                "the least power leaves no fractional bit: shift first"
+            );
+            let word = A::FORMAT.word + (MOST - LEAST) as u32 + 1;
+            let bits = Self::aligned(word, frac as u32, N::FORMAT.frac);
+            assert!(
+                bits <= 64,
+                "a scaled value needs more than 64 bits: choose narrower formats"
+            );
+            (frac as u32, bits)
+        };
+        let up = (if power < LEAST {
+            0
+        } else if power > MOST {
+            MOST - LEAST
+        } else {
+            power - LEAST
+        }) as u32;
+        if bits <= 32 {
+            self.write32(raw32(a) << up, frac)
+        } else {
+            self.write64(raw64(a) << up, frac)
+        }
+    }
+
+    #[inline(always)]
     fn neg<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {
         if const { Self::is_word16::<N, A, A>() } {
             let raw = raw16(a);

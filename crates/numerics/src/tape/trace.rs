@@ -149,6 +149,14 @@ impl Arithmetic for Trace {
         self.value(Op::Shift(a.word(), POWER))
     }
 
+    fn scale<N: Node, A: Node, const LEAST: i32, const MOST: i32>(
+        &self,
+        a: Value<Self, A>,
+        power: i32,
+    ) -> Value<Self, N> {
+        self.value(Op::Shift(a.word(), power.min(MOST).max(LEAST)))
+    }
+
     fn neg<N: Node, A: Node>(&self, a: Value<Self, A>) -> Value<Self, N> {
         self.value(Op::Neg(a.word()))
     }

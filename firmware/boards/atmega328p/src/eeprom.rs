@@ -1,10 +1,12 @@
-//! Reads the calibration from EEPROM at start-up.
+//! Reads the settings from EEPROM at start-up.
 
 use avr_device::atmega328p::EEPROM;
+use cardan_firmware::calibration::Settings;
 use cardan_spec::calibration::LEN;
 
-/// The calibration image, from address 0.
-pub fn calibration(eeprom: &EEPROM) -> [u8; LEN] {
+/// The settings, whose image begins at address 0. Not inlined: the image need not stay on the stack.
+#[inline(never)]
+pub fn settings(eeprom: &EEPROM) -> Settings {
     let mut image = [0; LEN];
     let mut address: u16 = 0;
     for byte in &mut image {
@@ -13,5 +15,5 @@ pub fn calibration(eeprom: &EEPROM) -> [u8; LEN] {
         *byte = eeprom.eedr().read().bits();
         address += 1;
     }
-    image
+    Settings::from_image(&image)
 }

@@ -3,19 +3,21 @@
 //! Timer1 counts 0..=499 at the CPU clock (CTC, TOP = ICR1) and toggles OC1A (the 16 kHz carrier)
 //! and OC1B (the strobe, a quarter period later). The same compare match B triggers the converter,
 //! which samples and holds 259 cycles later; its interrupt re-arms the trigger, so that conversions
-//! follow each other every 2000 cycles. The main loop sleeps until a solution's sums are complete.
+//! follow each other every 2000 cycles. The main loop sleeps until a block's sums are complete.
 #![no_std]
 #![no_main]
-#![feature(abi_avr_interrupt)]
+#![feature(abi_avr_interrupt, asm_experimental_arch)]
 
 mod adc;
 mod eeprom;
+mod memory;
 mod shared;
 mod solving;
 mod taps;
 mod usart;
 
 use avr_device::atmega328p::Peripherals;
+use cardan_firmware::averaging::Window;
 use cardan_firmware::device::{Device, Solver, sample};
 use cardan_spec::timing;
 
@@ -34,14 +36,15 @@ fn panic(_info: &core::panic::PanicInfo) -> ! {
 fn main() -> ! {
     // Taken once, before any interrupt is enabled: the handlers steal what they own.
     let Some(peripherals) = Peripherals::take() else { loop {} };
-    let image = eeprom::calibration(&peripherals.EEPROM);
-    shared::initialise();
+    let settings = eeprom::settings(&peripherals.EEPROM);
+    shared::initialise(settings.averaging);
     usart::initialise(&peripherals.USART0);
     let solving = solving::SolvingPin::new(peripherals.PORTB);
     // Idle: the clocks of timers, converter and USART run on.
     peripherals.CPU.smcr().write(|w| w.sm().idle().se().set_bit());
 
-    let solver = Solver::new(BoardTap, &image);
+    let mut window = Window::new(&ARITHMETIC, settings.averaging);
+    let solver = Solver::new(BoardTap, &settings);
     let mut device = Device::new(solver, usart::Line, solving);
     // Last, so that the first conversion's interrupt does not wait for the start-up.
     adc::initialise(&peripherals.ADC);
@@ -49,8 +52,9 @@ fn main() -> ! {
     // SAFETY: all state shared with interrupts is initialised above.
     unsafe { avr_device::interrupt::enable() };
     loop {
-        let (sums, late) = shared::wait();
-        device.solution(&sums, late);
+        if let Some(averages) = window.add(&ARITHMETIC, &shared::wait()) {
+            device.solution(&averages);
+        }
     }
 }
 

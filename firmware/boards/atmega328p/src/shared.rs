@@ -4,6 +4,7 @@ use core::mem::MaybeUninit;
 
 use cardan_datapath::Deployed;
 use cardan_firmware::averaging::{Averager, Sums};
+use cardan_spec::timing::Averaging;
 
 use crate::taps::{ARITHMETIC, BoardTap};
 
@@ -12,9 +13,9 @@ type Arithmetic = Deployed<BoardTap>;
 static mut AVERAGER: MaybeUninit<Averager<Arithmetic>> = MaybeUninit::uninit();
 
 /// Call once, before interrupts are enabled.
-pub fn initialise() {
+pub fn initialise(averaging: Averaging) {
     // SAFETY: no interrupt is enabled yet, and the main function calls this once.
-    unsafe { (*(&raw mut AVERAGER)).write(Averager::new(&ARITHMETIC)) };
+    unsafe { (*(&raw mut AVERAGER)).write(Averager::new(&ARITHMETIC, averaging)) };
 }
 
 /// The averager.
@@ -27,8 +28,8 @@ pub unsafe fn averager() -> &'static mut Averager<Arithmetic> {
     unsafe { (*(&raw mut AVERAGER)).assume_init_mut() }
 }
 
-/// Sleeps until a solution's sums are complete and takes them, with whether something was late.
-pub fn wait() -> (Sums<Arithmetic>, bool) {
+/// Sleeps until a block's sums are complete and takes them.
+pub fn wait() -> Sums<Arithmetic> {
     loop {
         avr_device::interrupt::disable();
         // SAFETY: interrupts are disabled, so this is the only view.

@@ -12,7 +12,7 @@ mod kernels;
 mod target;
 
 use avr_device::atmega328p::{Peripherals, USART0};
-use cardan_firmware::calibration::{NOMINAL, decode};
+use cardan_firmware::calibration::Settings;
 use cardan_firmware::frame::{Frame, crc16};
 use target::EXPECTED;
 
@@ -67,7 +67,7 @@ fn checksum() -> bool {
 fn frame() -> bool {
     let frame = Frame {
         sequence: 0x0102,
-        sums: [1, -1, 0, 0x7f00],
+        averages: [1, -1, 0, 0x7f00],
         angles: [-32768, 256, 0],
         flags: 0x55,
     };
@@ -81,7 +81,7 @@ fn frame() -> bool {
 fn text() -> bool {
     let frame = Frame {
         sequence: 7,
-        sums: [0; 4],
+        averages: [0; 4],
         angles: [16384, -32768, 1],
         flags: 0x41,
     };
@@ -90,9 +90,9 @@ fn text() -> bool {
 
 fn calibration() -> bool {
     let mut image = target::eeprom();
-    let is_read = decode(&image) == Some(NOMINAL);
+    let is_read = Settings::from_image(&image) == target::SETTINGS;
     image[20] ^= 1;
-    is_read && decode(&image).is_none()
+    is_read && Settings::from_image(&image).uncalibrated
 }
 
 fn solutions() -> bool {

@@ -8,7 +8,7 @@ use cardan_emulator::{
     ATMEGA328P, AnalogInput, Environment, Image, Machine, Memory, Pin, SerialByte, Stop,
 };
 use cardan_spec::frame::COMMAND_TEXT;
-use cardan_spec::timing::{CPU_HZ, SOLUTION_CYCLES, WARM_UP_SOLUTIONS, pins};
+use cardan_spec::timing::{BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS, pins};
 use cardan_spec::{CHANNELS, REFERENCE_V};
 use serde::Serialize;
 
@@ -77,7 +77,7 @@ pub(crate) fn measure(name: &str, elf: &[u8]) -> Result<Measured, Failure> {
     let mut machine = Machine::new(&ATMEGA328P, CPU_HZ);
     machine.load(&image);
     let mut probe = Probe::new()?;
-    let binary = (WARM_UP_SOLUTIONS as u64 + SOLUTIONS) * SOLUTION_CYCLES;
+    let binary = (WARM_UP_BLOCKS as u64 + SOLUTIONS) * BLOCK_CYCLES;
     run(&mut machine, &mut probe, binary, name)?;
     let asleep = machine.statistics().sleeping_cycles;
     let load = 1.0 - asleep as f64 / machine.cycle() as f64;
@@ -86,7 +86,7 @@ pub(crate) fn measure(name: &str, elf: &[u8]) -> Result<Measured, Failure> {
     run(
         &mut machine,
         &mut probe,
-        binary + TEXT_SOLUTIONS * SOLUTION_CYCLES,
+        binary + TEXT_SOLUTIONS * BLOCK_CYCLES,
         name,
     )?;
     Ok(Measured {
@@ -214,7 +214,7 @@ impl Environment for Probe {
 
     fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
         match input {
-            AnalogInput::Pin(channel) => voltage(cycle / SOLUTION_CYCLES, channel),
+            AnalogInput::Pin(channel) => voltage(cycle / BLOCK_CYCLES, channel),
             _ => 0.0,
         }
     }
