@@ -14,7 +14,6 @@
 #include <util/crc16.h>
 
 #include "cardan_tap.h"
-#include "fixed.h"
 #include "solver.h"
 
 #define BLOCK_ROUNDS 16
@@ -168,7 +167,8 @@ static void average(struct averages *averages)
         }
     }
     for (channel = 0; channel < CHANNELS; channel++) {
-        averages->values[channel] = round_shift(means[channel], 6);
+        /* Half a place up; a code less than full scale leaves room for it. */
+        averages->values[channel] = (int16_t)(((means[channel] >> 5) + 1) >> 1);
         cardan_tap(NODE_AVERAGE, averages->values[channel]);
     }
 }
