@@ -86,6 +86,12 @@ fn any_codes() -> impl Strategy<Value = Vec<AdcCode>> {
     proptest::collection::vec(solution, 1..6).prop_map(|all: Vec<Vec<AdcCode>>| all.concat())
 }
 
+/// Any length, over periods of which some codes hold one.
+fn any_averaging() -> impl Strategy<Value = Averaging> {
+    let lengths = (4_u8..7).prop_flat_map(|period| (0..=period, Just(period)));
+    lengths.prop_map(|(log2, period)| Averaging::new(log2, period).expect("admissible"))
+}
+
 fn any_words() -> impl Strategy<Value = [i32; WORDS]> {
     let near = proptest::array::uniform15(-(1i32 << 22)..1 << 22).prop_map(|moves| {
         let mut words = NOMINAL;
@@ -106,15 +112,17 @@ proptest! {
     #![proptest_config(ProptestConfig::with_cases(4000))]
 
     #[test]
-    fn every_node_equals_the_deployed_firmware(words in any_words(), codes in any_codes()) {
+    fn every_node_equals_the_deployed_firmware(
+        words in any_words(), codes in any_codes(), averaging in any_averaging(),
+    ) {
         let codes = with_warm_up(codes);
-        assert_equal(&Attitude { words: &words, codes: &codes });
+        assert_equal(&Attitude { words: &words, codes: &codes, averaging });
     }
 
     #[test]
     fn a_prefix_quantises_its_nodes_and_no_other(codes in any_codes(), count in 0..=NODE_COUNT) {
         let codes = with_warm_up(codes);
-        let attitude = Attitude { words: &NOMINAL, codes: &codes };
+        let attitude = Attitude { words: &NOMINAL, codes: &codes, averaging: Averaging::DEFAULT };
         let (_, found) = record(&attitude, &Formats::deployed(&NODES).unwrap().prefix(count));
         for index in 0..NODE_COUNT {
             let words = if index < count { found.values[index].len() } else { 0 };
