@@ -83,6 +83,7 @@ fn the_emulator_knows_nothing_of_the_product() {
 #[test]
 fn golden_and_firmware_meet_only_in_units_and_spec() {
     reaches_only("cardan-golden", &["cardan-units", "cardan-spec"]);
+    reaches_only("cardan-calibrate", &["cardan-units", "cardan-spec"]);
     let edges = edges();
     let golden = reached(&edges, "cardan-golden");
     let firmware = reached(&edges, "cardan-firmware");

@@ -6,6 +6,7 @@ use cardan_spec::timing::Averaging;
 use cardan_tune::Problem;
 
 use crate::attitude::Attitude;
+use crate::calibration::{CalibrateError, Calibrated, Request};
 use crate::engine::{Conversion, Engine, Truth};
 use crate::image::Firmware;
 
@@ -114,6 +115,12 @@ pub trait App: Sync {
     ) -> Result<Box<dyn Engine>, String>;
     /// The golden model.
     fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine>;
+    /// Calibrates a unit by what it sends in known attitudes.
+    ///
+    /// # Errors
+    /// A scenario or image that cannot run, attitudes that do not determine the calibration, a
+    /// crash.
+    fn calibrate(&self, request: &Request<'_>) -> Result<Calibrated, CalibrateError>;
     /// The algorithm as a problem for tuning: on some runs, to be verified on others.
     ///
     /// # Errors

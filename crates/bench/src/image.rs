@@ -15,6 +15,17 @@ pub struct Firmware {
     pub formats: Option<FormatTable>,
     /// Address of the tap table in the data space, if it has taps.
     pub taps: Option<TapTable>,
+    /// What is written into the EEPROM instead of the bench's own calibration.
+    pub eeprom: Option<EepromImage>,
+}
+
+/// Content of the EEPROM from address 0, as read from a file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct EepromImage {
+    /// The file, for messages.
+    pub name: String,
+    /// Bytes.
+    pub bytes: Vec<u8>,
 }
 
 /// The format table of an image.
@@ -76,6 +87,7 @@ impl Firmware {
             name: name.to_owned(),
             formats,
             taps,
+            eeprom: None,
         })
     }
 

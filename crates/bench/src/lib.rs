@@ -6,6 +6,7 @@
 
 pub mod app;
 pub mod attitude;
+pub mod calibration;
 mod engine;
 pub mod image;
 

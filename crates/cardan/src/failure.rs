@@ -41,6 +41,14 @@ impl Failure {
         }
     }
 
+    /// The emulated program crashed.
+    pub(crate) fn crash(message: impl fmt::Display) -> Self {
+        Self {
+            code: code::CRASH,
+            message: message.to_string(),
+        }
+    }
+
     /// Its exit code.
     pub(crate) fn exit_code(&self) -> ExitCode {
         ExitCode::from(self.code)

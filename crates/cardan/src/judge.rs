@@ -45,14 +45,7 @@ pub(crate) fn comparison(
             p99_deg: None,
             max_deg: tolerance.max_deg,
         });
-    let assumed = report::assumptions(&setup.scenario, &trajectory)
-        .into_iter()
-        .map(|a| Assumed {
-            name: a.key,
-            value: a.value,
-            reason: a.source,
-        })
-        .collect();
+    let assumed = assumed(setup, &trajectory);
     let mut provenance = vec![
         ("cardan".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
         ("formats".to_owned(), format!("{:016x}", setup.formats_hash)),
@@ -105,6 +98,26 @@ pub(crate) fn comparison(
             provenance,
         },
     })
+}
+
+/// Everything assumed; a calibration that the user gave is not the scenario's.
+fn assumed(setup: &Setup, trajectory: &Trajectory) -> Vec<Assumed> {
+    let eeprom = setup.firmware.eeprom.as_ref();
+    report::assumptions(&setup.scenario, trajectory)
+        .into_iter()
+        .map(|a| match eeprom {
+            Some(image) if a.key == report::CALIBRATION => Assumed {
+                name: a.key,
+                value: format!("EEPROM image {}", image.name),
+                reason: "option --eeprom".to_owned(),
+            },
+            _ => Assumed {
+                name: a.key,
+                value: a.value,
+                reason: a.source,
+            },
+        })
+        .collect()
 }
 
 /// Native's status word per solution. A frame that cannot be read counts as flagged throughout.

@@ -2,6 +2,7 @@
 
 mod commands;
 mod dump;
+mod eeprom_file;
 mod failure;
 mod files;
 mod judge;
@@ -49,6 +50,7 @@ enum Command {
     Diff(commands::participants::DiffArgs),
     Tune(Box<commands::tune::Arguments>),
     Ranges(commands::ranges::Arguments),
+    Calibrate(commands::calibrate::Arguments),
     Run(commands::run::Arguments),
     Build(commands::build::Arguments),
     Doctor(commands::doctor::Arguments),
@@ -71,6 +73,7 @@ fn main() -> ExitCode {
         Command::Diff(args) => commands::participants::diff(args, output),
         Command::Tune(args) => commands::tune::execute(args, output),
         Command::Ranges(args) => commands::ranges::execute(args, output),
+        Command::Calibrate(args) => commands::calibrate::execute(args, output),
         Command::Run(args) => commands::run::execute(args, output),
         Command::Build(args) => commands::build::execute(args, output),
         Command::Doctor(args) => commands::doctor::execute(args, output),

@@ -9,6 +9,7 @@ use cardan_datapath::{Format, table_hash, wordlengths};
 use cardan_scenario::Scenario;
 use clap::Args;
 
+use crate::eeprom_file;
 use crate::failure::Failure;
 use crate::toolchain::{self, BOARDS};
 
@@ -33,6 +34,10 @@ pub(crate) struct RunOptions {
     /// Firmware to emulate instead of the bundled ATmega328P image
     #[arg(long, value_name = "ELF")]
     pub(crate) firmware: Option<PathBuf>,
+    /// Content of the device's EEPROM (.hex, .eep or .bin, as `calibrate --out` writes it) instead of
+    /// the scenario's calibration
+    #[arg(long, value_name = "FILE")]
+    pub(crate) eeprom: Option<PathBuf>,
     /// Other formats: native runs in them, and the image is cross-compiled with them
     #[arg(long, value_name = "FILE")]
     pub(crate) wordlengths: Option<PathBuf>,
@@ -87,8 +92,17 @@ impl RunOptions {
         Ok((app, Some(formats), hash))
     }
 
-    /// Reads and checks all inputs.
+    /// Reads and checks all inputs; the image has taps.
     pub(crate) fn resolve(&self) -> Result<Setup, Failure> {
+        self.resolve_with(true)
+    }
+
+    /// The same with the image that is delivered: it tells what its frames say.
+    pub(crate) fn resolve_plain(&self) -> Result<Setup, Failure> {
+        self.resolve_with(false)
+    }
+
+    fn resolve_with(&self, tapped: bool) -> Result<Setup, Failure> {
         let (app, formats, formats_hash) = self.app_and_formats()?;
         let mut scenario = Scenario::load(&self.scenario).map_err(Failure::input)?;
         if let Some(file) = &self.recording {
@@ -107,7 +121,8 @@ impl RunOptions {
                 "--seconds {seconds}: expected a number above 0 and at most {MOST_SECONDS:e}"
             )));
         }
-        let firmware = self.firmware(app, formats.as_deref())?;
+        let mut firmware = self.firmware(app, formats.as_deref(), tapped)?;
+        firmware.eeprom = self.eeprom.as_deref().map(eeprom_file::read).transpose()?;
         let mut table = app.nodes().to_vec();
         for (node, format) in table.iter_mut().zip(formats.iter().flatten()) {
             node.format = *format;
@@ -131,17 +146,18 @@ impl RunOptions {
         &self,
         app: &'static dyn App,
         formats: Option<&[Format]>,
+        tapped: bool,
     ) -> Result<Firmware, Failure> {
         let parse = |name: &str, bytes: &[u8]| Firmware::parse(name, bytes).map_err(Failure::input);
         match (&self.firmware, formats) {
             (Some(file), _) => parse(&file.display().to_string(), &read(file)?),
             (None, Some(formats)) => {
                 let declared = toolchain::declared(app.nodes(), formats);
-                let built = toolchain::build_board(&BOARDS[0], true, Some(&declared), true)?;
+                let built = toolchain::build_board(&BOARDS[0], tapped, Some(&declared), true)?;
                 parse(&built.file.display().to_string(), &built.elf)
             }
             (None, None) => {
-                let bytes = app.bundled(true).ok_or_else(|| {
+                let bytes = app.bundled(tapped).ok_or_else(|| {
                     let name = app.name();
                     Failure::input(format!("application {name} has no image; give --firmware"))
                 })?;
@@ -172,6 +188,7 @@ impl RunOptions {
         let files = [
             ("--recording", &self.recording),
             ("--firmware", &self.firmware),
+            ("--eeprom", &self.eeprom),
             ("--wordlengths", &self.wordlengths),
         ];
         for (name, file) in files {

@@ -42,6 +42,15 @@ impl AdcErrors {
         }
     }
 
+    /// The same converter, in a run whose noise has another seed.
+    #[must_use]
+    pub fn with_noise_of(self, seed: u64) -> Self {
+        Self {
+            noise: Random::new(seed, Source::Converter),
+            ..self
+        }
+    }
+
     /// What the quantiser sees of `pin` in conversion number `sequence`: a pure function of both,
     /// the noise of a conversion does not depend on which others were made.
     #[must_use]

@@ -4,6 +4,7 @@ use nalgebra::Matrix3;
 
 use crate::parameter::Origin::Setting;
 use crate::parameter::parameters;
+use crate::poses::short_way;
 use crate::rotation;
 use crate::sweep::smoother_step;
 
@@ -68,12 +69,6 @@ impl Grid {
             turn * (index % headings) as f64 / headings as f64,
         ]
     }
-}
-
-/// The same turn by at most half a turn.
-fn short_way(angle: f64) -> f64 {
-    let turn = 2.0 * std::f64::consts::PI;
-    angle - turn * (angle / turn).round()
 }
 
 #[cfg(test)]

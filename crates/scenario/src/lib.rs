@@ -18,6 +18,7 @@ pub mod hardware;
 pub mod mounting;
 pub mod overlay;
 pub mod parameter;
+pub mod poses;
 mod print;
 pub mod random;
 pub mod recording;
@@ -32,6 +33,7 @@ pub mod tumble;
 
 pub use error::Error;
 pub use experience::{Experience, Stimulus};
+pub use poses::Poses;
 pub use print::print_scenario;
 pub use scenario::Scenario;
 pub use trajectory::Trajectory;

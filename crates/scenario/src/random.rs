@@ -24,6 +24,8 @@ pub enum Source {
     Steps,
     /// Parameters of random units.
     Units,
+    /// Attitudes in which a unit is calibrated.
+    Attitudes,
 }
 
 impl Source {
@@ -33,6 +35,7 @@ impl Source {
             Source::Converter => 2,
             Source::Steps => 3,
             Source::Units => 4,
+            Source::Attitudes => 5,
             Source::Channel(index) => 0x100 + u64::from(index),
             Source::Flicker(index) => 0x200 + u64::from(index),
         }

@@ -18,6 +18,9 @@ pub struct Assumption {
     pub source: String,
 }
 
+/// Key of the assumption on the device's calibration.
+pub const CALIBRATION: &str = "calibration";
+
 /// The calibration that the device's EEPROM holds in this run.
 ///
 /// Nominal sensors in the field of the run, each value replaced by the scenario's explicit one.
@@ -93,7 +96,7 @@ fn calibration_assumption(scenario: &Scenario) -> Assumption {
         .map(|(name, _)| *name)
         .collect();
     Assumption {
-        key: "calibration".into(),
+        key: CALIBRATION.into(),
         value: if names.is_empty() {
             "nominal sensors in the field of the run".into()
         } else {

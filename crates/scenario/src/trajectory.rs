@@ -7,6 +7,7 @@ use crate::experience::{Experience, REFERENCE_K, Stimulus};
 use crate::field::{self, EarthField};
 use crate::grid::Grid;
 use crate::overlay::Overlay;
+use crate::poses::Poses;
 use crate::recording::Recording;
 use crate::report::Assumption;
 use crate::scenario::{MotionKind, Scenario};
@@ -27,6 +28,7 @@ enum Moving {
     Static(Grid),
     Sweep(Sweep),
     Step(Step),
+    Poses(Poses),
     Recording(Box<Recording>),
 }
 
@@ -71,6 +73,20 @@ impl Trajectory {
         })
     }
 
+    /// The scenario's vibration, climate and disturbance on a device that rests in `poses`, in `field`.
+    #[must_use]
+    pub fn resting(scenario: &Scenario, poses: Poses, field: EarthField) -> Self {
+        Self {
+            motion: Moving::Poses(poses),
+            field,
+            overlay: Overlay::new(
+                &scenario.vibration,
+                &scenario.climate,
+                &scenario.disturbance,
+            ),
+        }
+    }
+
     /// True attitude at `t_s`: the matrix M of v_body = M v_ref, reference magnetic NED. None where
     /// a recording has no reference.
     #[must_use]
@@ -80,6 +96,7 @@ impl Trajectory {
             Moving::Static(grid) => Some(grid.attitude(t_s)),
             Moving::Sweep(sweep) => Some(sweep.attitude(t_s)),
             Moving::Step(step) => Some(step.attitude(t_s)),
+            Moving::Poses(poses) => Some(poses.attitude(t_s)),
             Moving::Recording(recording) => recording.truth_at(t_s),
         }
     }
@@ -146,6 +163,7 @@ impl Stimulus for Trajectory {
             Moving::Static(grid) => self.at_rest(&grid.attitude(t_s)),
             Moving::Sweep(sweep) => self.at_rest(&sweep.attitude(t_s)),
             Moving::Step(step) => self.at_rest(&step.attitude(t_s)),
+            Moving::Poses(poses) => self.at_rest(&poses.attitude(t_s)),
             Moving::Recording(recording) => recording.at(t_s),
         };
         self.overlay.on(base, t_s)

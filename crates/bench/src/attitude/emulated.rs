@@ -57,6 +57,11 @@ impl EmulatedEngine {
             averaging: settings.averaging,
         })
     }
+
+    /// The same with another converter.
+    pub(super) fn with_converter(self, adc: AdcErrors) -> Self {
+        Self { adc, ..self }
+    }
 }
 
 impl Engine for EmulatedEngine {

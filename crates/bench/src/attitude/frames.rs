@@ -1,10 +1,20 @@
 //! Frames off the wire, decoded with an independent COBS decoder.
 
-use cardan_firmware::frame::crc16;
+use cardan_firmware::frame::{Frame, crc16};
 use cardan_spec::frame::{DELIMITER, FRAC, PAYLOAD_LEN};
 
 /// Yaw, pitch, roll in half turns and the status bits of a whole frame.
 pub(super) fn decode(bytes: &[u8]) -> Option<([f64; 3], u16)> {
+    let frame = decode_frame(bytes)?;
+    let scale = f64::from(1_u32 << FRAC);
+    Some((
+        frame.angles.map(|angle| f64::from(angle) / scale),
+        frame.flags,
+    ))
+}
+
+/// A whole frame.
+pub(super) fn decode_frame(bytes: &[u8]) -> Option<Frame> {
     let (&last, encoded) = bytes.split_last()?;
     if last != DELIMITER {
         return None;
@@ -15,7 +25,11 @@ pub(super) fn decode(bytes: &[u8]) -> Option<([f64; 3], u16)> {
     if crc16(&payload[..PAYLOAD_LEN - 2]) != word(PAYLOAD_LEN - 2) {
         return None;
     }
-    let scale = f64::from(1_u32 << FRAC);
-    let angle = |offset: usize| f64::from(word(offset) as i16) / scale;
-    Some(([angle(10), angle(12), angle(14)], word(16)))
+    let signed = |offset: usize| word(offset) as i16;
+    Some(Frame {
+        sequence: word(0),
+        averages: [2, 4, 6, 8].map(signed),
+        angles: [10, 12, 14].map(signed),
+        flags: word(16),
+    })
 }

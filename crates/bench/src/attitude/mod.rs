@@ -1,10 +1,13 @@
 //! The attitude sensor: two tilt and two field channels, both Cardan solutions.
 
 mod board;
+mod calibrate;
 mod datapath;
+mod eeprom;
 mod emulated;
 mod frames;
 mod golden;
+mod line;
 mod mixed;
 mod native;
 mod schedule;
@@ -20,13 +23,14 @@ use cardan_firmware::FORMATS_HASH;
 use cardan_firmware::calibration::Settings;
 use cardan_firmware::nodes::{NODES, Pitch, Roll, Yaw};
 use cardan_numerics::Formats;
-use cardan_scenario::{Scenario, Trajectory, report};
+use cardan_scenario::{Scenario, Trajectory};
 use cardan_spec::calibration::{Calibration, FRAC, WORDS};
 use cardan_spec::nodes::SHARED;
 use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
 use cardan_tune::Problem;
 
 use crate::app::{App, Configuration, Feed, RecordedRun, Tolerance};
+use crate::calibration::{CalibrateError, Calibrated, Request};
 use crate::engine::Engine;
 use crate::image::Firmware;
 
@@ -68,6 +72,16 @@ fn settings_of(configuration: &Configuration) -> Settings {
         averaging: configuration.averaging(),
         uncalibrated: false,
     }
+}
+
+/// A run of `seconds` with these settings.
+fn configuration_of(settings: &Settings, seconds: f64) -> Result<Configuration, String> {
+    Ok(Configuration {
+        calibration: settings.words.to_vec(),
+        solutions: solutions_in(seconds, settings.averaging)?,
+        averaging_log2: settings.averaging.log2(),
+        period_log2: settings.averaging.period_log2(),
+    })
 }
 
 /// Whole solutions in `seconds`, the warm-up taken off.
@@ -133,15 +147,8 @@ impl App for Attitude {
         let seconds = trajectory
             .duration_s()
             .map_or(seconds, |end| seconds.min(end));
-        let averaging = scenario.controller.averaging();
-        let solutions = solutions_in(seconds, averaging)?;
-        let words = calibration_words(&report::calibration(scenario, &trajectory));
-        let configuration = Configuration {
-            calibration: words.to_vec(),
-            solutions,
-            averaging_log2: averaging.log2(),
-            period_log2: averaging.period_log2(),
-        };
+        let settings = eeprom::settings_for(scenario, &trajectory, firmware)?;
+        let configuration = configuration_of(&settings, seconds)?;
         let engine = emulated::EmulatedEngine::new(
             scenario,
             seed,
@@ -180,6 +187,10 @@ impl App for Attitude {
 
     fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine> {
         Box::new(golden::GoldenEngine::new(configuration, feed))
+    }
+
+    fn calibrate(&self, request: &Request<'_>) -> Result<Calibrated, CalibrateError> {
+        calibrate::calibrate(request)
     }
 
     fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)> {

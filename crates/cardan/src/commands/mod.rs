@@ -1,6 +1,7 @@
 //! The verbs, one file each.
 
 pub(crate) mod build;
+pub(crate) mod calibrate;
 pub(crate) mod doctor;
 pub(crate) mod ranges;
 pub(crate) mod run;

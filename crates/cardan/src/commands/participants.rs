@@ -6,7 +6,7 @@ use std::process::ExitCode;
 use cardan_link::Role;
 use clap::Args;
 
-use crate::failure::Done;
+use crate::failure::{Done, Failure};
 use crate::judge;
 use crate::output::Output;
 use crate::participants::{JoinOptions, diff, emulated, golden, native};
@@ -56,6 +56,7 @@ impl ModelArgs {
             scenario: String::new(),
             recording: None,
             firmware: None,
+            eeprom: None,
             wordlengths: self.wordlengths.clone(),
             seconds: None,
             set: Vec::new(),
@@ -66,6 +67,11 @@ impl ModelArgs {
 
 pub(crate) fn emulate(args: &EmulateArgs, output: Output) -> Done {
     let setup = args.run.resolve()?;
+    // Bad input is told before the others are waited for.
+    setup
+        .app
+        .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
+        .map_err(Failure::input)?;
     let session = args.join.join(Role::Emulated, setup.formats_hash)?;
     output.note(&format!(
         "emulating {} for {} s",
