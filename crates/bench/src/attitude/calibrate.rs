@@ -12,9 +12,7 @@ use cardan_golden::{Angles, rotation_angle, set_1_matrix};
 use cardan_scenario::field::EarthField;
 use cardan_scenario::scenario::MotionKind;
 use cardan_scenario::{Poses, Stimulus, Trajectory};
-use cardan_spec::timing::{
-    Averaging, BLOCK_CYCLES, CONVERSION_CYCLES, CPU_HZ, WARM_UP_BLOCKS,
-};
+use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CONVERSION_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
 use cardan_spec::{CHANNELS, flags};
 use cardan_units::HalfTurns;
 use nalgebra::{Matrix3, Vector3};
@@ -149,8 +147,7 @@ fn visit(
     let (told, remarks) = unit.run(&trajectory, seconds, settings, seed)?;
     let half_s = seconds_of(averaging.length()) / 2.0;
     let within = |rest: &Range<f64>, told: &&Told| {
-        told.time_s - half_s >= rest.start + SETTLE_S
-            && told.time_s + half_s <= rest.end
+        told.time_s - half_s >= rest.start + SETTLE_S && told.time_s + half_s <= rest.end
     };
     let readings = (0..poses.count())
         .map(|index| {
@@ -176,7 +173,13 @@ fn turned(
     let Request {
         seed, solutions, ..
     } = *request;
-    let poses = poses(seed, request.attitudes, 180.0, solutions, settings.averaging);
+    let poses = poses(
+        seed,
+        request.attitudes,
+        180.0,
+        solutions,
+        settings.averaging,
+    );
     let tour = visit(unit, &poses, field, settings, seed, solutions)?;
     let mut visits = Visits::default();
     let north = Vector3::new(field.horizontal_ut, 0.0, field.vertical_ut) / field.total_ut();
@@ -305,7 +308,13 @@ fn check(
     settings: [&Settings; 2],
 ) -> Result<(HeldOut, Vec<String>), CalibrateError> {
     let (seed, solutions) = (request.seed.wrapping_add(1), request.solutions);
-    let poses = poses(seed, request.attitudes, WORKING_TILT_DEG, solutions, settings[0].averaging);
+    let poses = poses(
+        seed,
+        request.attitudes,
+        WORKING_TILT_DEG,
+        solutions,
+        settings[0].averaging,
+    );
     let mut remarks = Vec::new();
     let mut with = |settings| {
         let tour = visit(unit, &poses, field, settings, seed, solutions)?;
