@@ -249,25 +249,28 @@ impl Run<'_> {
         }
     }
 
-    /// The shortest uniform word length that meets the budget: with the integer bits of the ranges, or
-    /// with trimmed ones where that is shorter.
+    /// The uniform word length that meets the budget at the least cost: with the integer bits of the
+    /// ranges, or with trimmed ones.
     fn best_uniform(&mut self) -> Option<(u32, Vec<Format>)> {
-        let all: Vec<u32> = if self.options.widths.is_empty() {
-            (1..=LONGEST).collect()
-        } else {
-            let mut widths = self.options.widths.clone();
-            widths.sort_unstable();
-            widths
-        };
+        let mut all = self.options.effective_widths();
+        if all.is_empty() {
+            all = (1..=LONGEST).collect();
+        }
         let each = all
             .iter()
             .flat_map(|&word| [self.plain, self.space].map(|space| (word, space.uniform(word))));
         let (words, batch): (Vec<u32>, Vec<Vec<Format>>) = each.unzip();
         let scores = self.pool.scores(&batch, true);
-        let mut found = words.into_iter().zip(batch).zip(&scores);
-        found
-            .find(|(_, score)| score.is_feasible())
-            .map(|(found, _)| found)
+        let feasible = words
+            .into_iter()
+            .zip(batch)
+            .zip(&scores)
+            .filter(|(_, score)| score.is_feasible());
+        feasible.map(|(found, _)| found).min_by(|a, b| {
+            self.cost(&a.1)
+                .total_cmp(&self.cost(&b.1))
+                .then(a.0.cmp(&b.0))
+        })
     }
 
     /// Runs the search; the best formats, or the closest, and whether they meet the budget.
