@@ -1,7 +1,7 @@
 //! What values nodes take: simulated next to derived, and the integer bits that follow.
 
 use cardan_datapath::{Format, Overflow};
-use cardan_numerics::tape::{NO_NODE, Reals, Runner, Tape, Words, bounds};
+use cardan_numerics::tape::{Interval, NO_NODE, Reals, Runner, Tape, Words, affine_bounds, bounds};
 use serde::Serialize;
 
 use crate::problem::{Case, Problem};
@@ -34,6 +34,14 @@ pub struct Bounds {
     pub hi: Option<f64>,
 }
 
+impl Bounds {
+    /// Both ends, where both are known.
+    #[must_use]
+    pub fn ends(&self) -> Option<(f64, f64)> {
+        self.lo.zip(self.hi)
+    }
+}
+
 /// What is known of one node.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct NodeRange {
@@ -55,9 +63,11 @@ pub struct NodeRange {
     pub underflows: u64,
     /// Simulated magnitudes in powers of two; zeros are in none.
     pub histogram: Vec<Bin>,
-    /// Derived bounds, before the value is limited to its format.
+    /// Bounds derived with intervals, before the value is limited to its format.
     pub derived: Bounds,
-    /// No input can make it overflow.
+    /// The same with affine forms: never wider, since they know what values share.
+    pub derived_affine: Bounds,
+    /// No input can make it overflow, by the affine bounds.
     pub proven: bool,
     /// It holds an angle or the like: wrapping is right, and its range is its format's.
     pub wraps_by_design: bool,
@@ -69,7 +79,7 @@ pub struct NodeRange {
     pub witness: Option<Witness>,
     /// Integer bits (sign included) that the simulated values need.
     pub integer_simulated: Option<i32>,
-    /// Integer bits that the derived bounds need.
+    /// Integer bits that the affine bounds need.
     pub integer_derived: Option<i32>,
     /// Integer bits to use: the derived ones where they are no more than the simulated ones with
     /// their guard bits.
@@ -112,13 +122,10 @@ pub fn ranges(problem: &Problem, guard_bits: u32, search: usize, seed: u64) -> R
         steps += case.inputs.steps as u64;
         simulate(problem, case, &formats, &mut found);
         let derived = bounds(&case.tape, &case.ports, &formats);
-        for (collected, bound) in found.iter_mut().zip(derived) {
-            if let Some(bound) = bound {
-                collected.derived = Some(match collected.derived {
-                    Some((lo, hi)) => (bound.lo.min(lo), bound.hi.max(hi)),
-                    None => (bound.lo, bound.hi),
-                });
-            }
+        let affine = affine_bounds(&case.tape, &case.ports, &formats);
+        for ((collected, derived), affine) in found.iter_mut().zip(derived).zip(affine) {
+            widen_by(&mut collected.derived, derived);
+            widen_by(&mut collected.affine, affine);
         }
     }
     let finish =
@@ -142,12 +149,20 @@ struct Collected {
     underflows: u64,
     histogram: std::collections::BTreeMap<i32, u64>,
     derived: Option<(f64, f64)>,
+    affine: Option<(f64, f64)>,
     overflows: u64,
     first: Option<First>,
 }
 
 fn widen(span: &mut Option<(f64, f64)>, value: f64) {
     *span = Some(span.map_or((value, value), |(lo, hi)| (lo.min(value), hi.max(value))));
+}
+
+fn widen_by(span: &mut Option<(f64, f64)>, bound: Option<Interval>) {
+    if let Some(bound) = bound {
+        widen(span, bound.lo);
+        widen(span, bound.hi);
+    }
 }
 
 fn simulate(problem: &Problem, case: &Case, formats: &[Format], found: &mut [Collected]) {
@@ -201,22 +216,15 @@ fn node_range(problem: &Problem, node: usize, collected: &Collected, guard_bits:
         (Some(a), Some(b)) => Some((a.0.min(b.0), a.1.max(b.1))),
         (a, b) => a.or(b),
     };
-    let finite = |value: f64| value.is_finite().then_some(value);
-    let (lo, hi) = match collected.derived {
-        Some((lo, hi)) => (finite(lo), finite(hi)),
-        // Settings and constants alone: they are what they are.
-        None => span.map_or((None, None), |(lo, hi)| (Some(lo), Some(hi))),
-    };
+    let derived = derived_bounds(collected.derived, span);
+    let affine = derived_bounds(collected.affine, span);
     let deployed_integer = format.word.cast_signed() - format.frac.cast_signed();
     let half = libm::ldexp(1.0, deployed_integer - 1);
     let reaches = span.is_some_and(|(lo, hi)| lo < -half / 2.0 || hi >= half / 2.0);
     // What wraps in the deployed design, or fills its range, is a value modulo that range.
     let wraps_by_design = format.overflow == Overflow::Wrap && (reaches || collected.overflows > 0);
     let integer_simulated = span.and_then(|(lo, hi)| integer_bits(lo, hi));
-    let integer_derived = match (lo, hi) {
-        (Some(lo), Some(hi)) => integer_bits(lo, hi),
-        _ => None,
-    };
+    let integer_derived = affine.ends().and_then(|(lo, hi)| integer_bits(lo, hi));
     let guard = guard_bits.cast_signed();
     let guarded = integer_simulated.map(|bits| bits + guard);
     let integer = match (guarded, integer_derived) {
@@ -225,15 +233,12 @@ fn node_range(problem: &Problem, node: usize, collected: &Collected, guard_bits:
         (Some(simulated), None) => simulated,
         (None, _) => deployed_integer,
     };
-    let proven = match (lo, hi) {
+    let proven = affine.ends().is_some_and(|(lo, hi)| {
         // A place of room, since rounding may reach the next one.
-        (Some(lo), Some(hi)) => {
-            lo - format.lsb() >= format.real(format.min_raw())
-                && hi + format.lsb() <= format.real(format.max_raw())
-                || (collected.derived.is_none() && collected.overflows == 0)
-        }
-        _ => false,
-    };
+        lo - format.lsb() >= format.real(format.min_raw())
+            && hi + format.lsb() <= format.real(format.max_raw())
+            || (collected.derived.is_none() && collected.overflows == 0)
+    });
     NodeRange {
         name: info.name.to_owned(),
         unit: info.unit.to_owned(),
@@ -248,7 +253,8 @@ fn node_range(problem: &Problem, node: usize, collected: &Collected, guard_bits:
             .iter()
             .map(|(&exponent, &count)| Bin { exponent, count })
             .collect(),
-        derived: Bounds { lo, hi },
+        derived,
+        derived_affine: affine,
         proven: proven && collected.overflows == 0,
         wraps_by_design,
         overflows: collected.overflows,
@@ -258,6 +264,16 @@ fn node_range(problem: &Problem, node: usize, collected: &Collected, guard_bits:
         integer_derived,
         integer,
         unexcited: collected.samples > 0 && collected.span.is_some_and(|(lo, hi)| lo == hi),
+    }
+}
+
+/// Derived bounds of a node; settings and constants alone are what they are.
+fn derived_bounds(derived: Option<(f64, f64)>, span: Option<(f64, f64)>) -> Bounds {
+    let finite = |value: f64| value.is_finite().then_some(value);
+    let ends = derived.or(span);
+    Bounds {
+        lo: ends.and_then(|(lo, _)| finite(lo)),
+        hi: ends.and_then(|(_, hi)| finite(hi)),
     }
 }
 

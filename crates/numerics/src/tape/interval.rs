@@ -24,7 +24,7 @@ impl Interval {
         Self { lo, hi }
     }
 
-    const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
+    pub(super) const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
     const TRUTH: Self = Self::new(0.0, 1.0);
 
     /// Ends of a computed interval: one place outward, so that rounding of `f64` cannot hide a value.
@@ -39,6 +39,17 @@ impl Interval {
     #[must_use]
     pub const fn hull(self, other: Self) -> Self {
         Self::new(self.lo.min(other.lo), self.hi.max(other.hi))
+    }
+
+    /// What lies in both. Each holds the same values, so that they meet; were it not so, the first.
+    pub(super) const fn meet(self, other: Self) -> Self {
+        let (lo, hi) = (self.lo.max(other.lo), self.hi.min(other.hi));
+        if lo <= hi { Self::new(lo, hi) } else { self }
+    }
+
+    /// Distance of its ends.
+    pub(super) fn width(self) -> f64 {
+        self.hi - self.lo
     }
 
     fn over_ends(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
@@ -82,22 +93,16 @@ impl Interval {
             && self.hi <= format.real(format.max_raw()) + lsb / 4.0
     }
 
-    /// What a node of this format holds after a write of any of these values.
-    fn quantised(self, format: Format) -> Self {
-        let whole = Self::new(format.real(format.min_raw()), format.real(format.max_raw()));
+    /// Both ends moved outward to multiples of the last place, which no rounding mode leaves.
+    pub(super) fn on_grid(self, format: Format) -> Self {
         let lsb = format.lsb();
-        // Both ends are on the grid already, or move by less than one place.
-        let on_grid = |value: f64| (value / lsb).fract() == 0.0;
-        let lo = if on_grid(self.lo) {
-            self.lo
-        } else {
-            self.lo - lsb
-        };
-        let hi = if on_grid(self.hi) {
-            self.hi
-        } else {
-            self.hi + lsb
-        };
+        Self::new((self.lo / lsb).floor() * lsb, (self.hi / lsb).ceil() * lsb)
+    }
+
+    /// What a node of this format holds after a write of any of these values.
+    pub(super) fn quantised(self, format: Format) -> Self {
+        let whole = Self::new(format.real(format.min_raw()), format.real(format.max_raw()));
+        let Self { lo, hi } = self.on_grid(format);
         if lo >= whole.lo && hi <= whole.hi {
             return Self::new(lo, hi);
         }
@@ -114,68 +119,69 @@ impl Interval {
 /// that are never written. `ports` bounds the raw inputs of a step; values in `formats`.
 #[must_use]
 pub fn bounds(tape: &Tape, ports: &[(i32, i32)], formats: &[Format]) -> Vec<Option<Interval>> {
-    let mut analysis = Analysis {
-        tape,
-        ports,
-        formats,
-        before: Vec::new(),
-        found: vec![None; formats.len()],
-    };
-    for entry in &tape.before {
-        let item = analysis.evaluate(entry, &[], |_, _| Interval::ALL);
-        analysis.before.push(item);
-    }
-    // The first steps one by one; they are few, and what they leave feeds the others.
-    let mut steps: Vec<Vec<Interval>> = Vec::new();
-    for step in 0..tape.transient.len() + tape.memory() + 1 {
-        let mut items = Vec::new();
-        for entry in tape.body(step) {
-            let ago = |back: u32, index: u32| steps[step - back as usize][index as usize];
-            let item = analysis.evaluate(entry, &items, ago);
-            items.push(item);
+    Analysis::run(tape, ports, formats).found
+}
+
+/// What intervals know of every operation.
+pub(super) struct Analysis<'a> {
+    pub(super) tape: &'a Tape,
+    pub(super) ports: &'a [(i32, i32)],
+    pub(super) formats: &'a [Format],
+    /// What stands before the first step.
+    pub(super) before: Vec<Interval>,
+    /// The first steps: those that differ, and as many equal ones as operations look back.
+    pub(super) steps: Vec<Vec<Interval>>,
+    /// Every later step.
+    pub(super) held: Vec<Interval>,
+    /// Per node the hull of its writes before they are limited: those before the first step.
+    pub(super) found_before: Vec<Option<Interval>>,
+    /// All of them.
+    pub(super) found: Vec<Option<Interval>>,
+}
+
+impl<'a> Analysis<'a> {
+    pub(super) fn run(tape: &'a Tape, ports: &'a [(i32, i32)], formats: &'a [Format]) -> Self {
+        let mut analysis = Self {
+            tape,
+            ports,
+            formats,
+            before: Vec::new(),
+            steps: Vec::new(),
+            held: Vec::new(),
+            found_before: Vec::new(),
+            found: vec![None; formats.len()],
+        };
+        for entry in &tape.before {
+            let item = analysis.evaluate(&tape.before, entry, &[], |_, _| Interval::ALL);
+            analysis.before.push(item);
         }
-        steps.push(items);
+        analysis.found_before.clone_from(&analysis.found);
+        // The first steps one by one; they are few, and what they leave feeds the others.
+        let mut steps: Vec<Vec<Interval>> = Vec::new();
+        for step in 0..tape.transient.len() + tape.memory() + 1 {
+            let mut items = Vec::new();
+            for entry in tape.body(step) {
+                let ago = |back: u32, index: u32| steps[step - back as usize][index as usize];
+                let item = analysis.evaluate(tape.body(step), entry, &items, ago);
+                items.push(item);
+            }
+            steps.push(items);
+        }
+        analysis.held = analysis.fixed_point(&steps);
+        analysis.steps = steps;
+        analysis
     }
-    let held = analysis.fixed_point(&steps);
-    let mut items = Vec::new();
-    for entry in &tape.steady {
-        let item = analysis.evaluate(entry, &items, |_, index| held[index as usize]);
-        items.push(item);
-    }
-    analysis.found
-}
 
-struct Analysis<'a> {
-    tape: &'a Tape,
-    ports: &'a [(i32, i32)],
-    formats: &'a [Format],
-    before: Vec<Interval>,
-    /// Per node the hull of its writes before they are limited.
-    found: Vec<Option<Interval>>,
-}
-
-impl Analysis<'_> {
     /// Bounds of what a steady step leaves, whatever the steps before it were.
     fn fixed_point(&mut self, steps: &[Vec<Interval>]) -> Vec<Interval> {
-        let steady = steps.last().map_or(&[][..], Vec::as_slice);
-        let mut held = steady.to_vec();
-        // Indices that operations look back at are those of the bodies they were written in.
-        for entry in &self.tape.steady {
-            for operand in entry.op.operands() {
-                if let Ref::Ago { steps: back, index } = operand {
-                    let first = self.tape.transient.len();
-                    for items in &steps[first.saturating_sub(back as usize)..] {
-                        let held = &mut held[index as usize];
-                        *held = held.hull(items[index as usize]);
-                    }
-                }
-            }
-        }
+        let tape = self.tape;
+        let mut held = early(tape, steps);
         for iteration in 0.. {
             let mut items: Vec<Interval> = Vec::new();
             let mut grown = false;
-            for entry in &self.tape.steady {
-                let item = self.evaluate(entry, &items, |_, index| held[index as usize]);
+            for entry in &tape.steady {
+                let ago = |_, index: u32| held[index as usize];
+                let item = self.evaluate(&tape.steady, entry, &items, ago);
                 items.push(item);
             }
             for (index, item) in items.iter().enumerate() {
@@ -187,7 +193,7 @@ impl Analysis<'_> {
                 held[index] = if iteration < ITERATIONS {
                     hull
                 } else {
-                    self.whole(&self.tape.steady[index])
+                    self.whole(&tape.steady[index])
                 };
             }
             if !grown {
@@ -207,6 +213,7 @@ impl Analysis<'_> {
 
     fn evaluate(
         &mut self,
+        body: &[Entry],
         entry: &Entry,
         items: &[Interval],
         ago: impl Fn(u32, u32) -> Interval,
@@ -220,30 +227,65 @@ impl Analysis<'_> {
             return truth(entry.op.map(item));
         }
         let format = self.formats[entry.node as usize];
-        let computed = match entry.op {
-            Op::Select(condition, a, b) => {
-                let deciding = match condition {
-                    Ref::Here(index) => self.tape.steady.get(index as usize).map(|entry| entry.op),
-                    Ref::Before(_) | Ref::Ago { .. } => None,
-                };
-                selected(item(condition), (a, item(a)), (b, item(b)), deciding, item)
-            }
-            Op::Mul(a, b) if a == b => {
-                let a = item(a).magnitude();
-                Interval::outward(a.lo * a.lo, a.hi * a.hi)
-            }
-            Op::Input { port, frac } => {
-                let (lo, hi) = self.ports[port as usize];
-                let real = |raw: i32| libm::ldexp(raw.into(), -frac);
-                Interval::new(real(lo), real(hi))
-            }
-            op => value(op.map(item), format),
-        };
+        let computed = computed(entry.op, body, self.ports, format, item);
         if entry.op.is_recorded() {
             let found = &mut self.found[entry.node as usize];
             *found = Some(found.map_or(computed, |found| found.hull(computed)));
         }
         computed.quantised(format)
+    }
+}
+
+/// What the first steps leave to the later ones: the hull of those that an operation may look back
+/// at, and of the last of them everywhere.
+pub(super) fn early(tape: &Tape, steps: &[Vec<Interval>]) -> Vec<Interval> {
+    let mut held = steps.last().cloned().unwrap_or_default();
+    // Indices that operations look back at are those of the bodies they were written in.
+    for entry in &tape.steady {
+        for operand in entry.op.operands() {
+            if let Ref::Ago { steps: back, index } = operand {
+                let first = tape.transient.len();
+                for items in &steps[first.saturating_sub(back as usize)..] {
+                    let held = &mut held[index as usize];
+                    *held = held.hull(items[index as usize]);
+                }
+            }
+        }
+    }
+    held
+}
+
+/// What an operation of `body` gives, before its node rounds and limits it.
+pub(super) fn computed(
+    op: Op<Ref>,
+    body: &[Entry],
+    ports: &[(i32, i32)],
+    format: Format,
+    item: impl Fn(Ref) -> Interval,
+) -> Interval {
+    match op {
+        Op::Select(condition, a, b) => {
+            let deciding = deciding(condition, body);
+            selected(item(condition), (a, item(a)), (b, item(b)), deciding, item)
+        }
+        Op::Mul(a, b) if a == b => {
+            let a = item(a).magnitude();
+            Interval::outward(a.lo * a.lo, a.hi * a.hi)
+        }
+        Op::Input { port, frac } => {
+            let (lo, hi) = ports[port as usize];
+            let real = |raw: i32| libm::ldexp(raw.into(), -frac);
+            Interval::new(real(lo), real(hi))
+        }
+        op => value(op.map(item), format),
+    }
+}
+
+/// The comparison behind a condition, where it is one of the same step.
+pub(super) fn deciding(condition: Ref, body: &[Entry]) -> Option<Op<Ref>> {
+    match condition {
+        Ref::Here(index) => body.get(index as usize).map(|entry| entry.op),
+        Ref::Before(_) | Ref::Ago { .. } => None,
     }
 }
 
@@ -298,10 +340,14 @@ fn value(op: Op<Interval>, format: Format) -> Interval {
             let real = format.real(format.constant(value));
             Interval::new(real, real)
         }
-        Op::Lookup(_, table) => table.iter().fold(
-            Interval::new(f64::INFINITY, f64::NEG_INFINITY),
-            |hull, &value| hull.hull(Interval::new(value, value)),
-        ),
+        Op::Lookup(index, table) => {
+            let last = table.len().saturating_sub(1) as f64;
+            let place = |at: f64| at.floor().clamp(0.0, last) as usize;
+            let reached = table.get(place(index.lo)..=place(index.hi));
+            let none = Interval::new(f64::INFINITY, f64::NEG_INFINITY);
+            let hull = |hull: Interval, &value: &f64| hull.hull(Interval::new(value, value));
+            reached.unwrap_or_default().iter().fold(none, hull)
+        }
         Op::Add(a, b) => Interval::outward(a.lo + b.lo, a.hi + b.hi),
         Op::Sub(a, b) => Interval::outward(a.lo - b.hi, a.hi - b.lo),
         Op::Mul(a, b) => a.over_ends(b, |a, b| a * b),
@@ -314,7 +360,7 @@ fn value(op: Op<Interval>, format: Format) -> Interval {
     }
 }
 
-fn truth(op: Op<Interval>) -> Interval {
+pub(super) fn truth(op: Op<Interval>) -> Interval {
     let known = |value: bool| {
         let value = f64::from(u8::from(value));
         Interval::new(value, value)

@@ -7,6 +7,7 @@
 //! from some step on all are equal ([`Tape::steady`]).
 
 mod adjoint;
+mod affine;
 mod build;
 mod interval;
 mod real;
@@ -15,6 +16,7 @@ mod trace;
 mod words;
 
 pub use adjoint::{Reals, gains};
+pub use affine::affine_bounds;
 pub use build::TraceError;
 pub use interval::{Interval, bounds};
 pub use real::Real;
@@ -23,7 +25,7 @@ pub use words::{Words, WriteCounts};
 pub(crate) use words::{compute, decide};
 
 /// Where an operand comes from.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Ref {
     /// An operation of the same step.
     Here(u32),
