@@ -188,6 +188,8 @@ fn what_tune_cannot_use_is_refused_by_name() {
 
 #[test]
 fn ranges_stand_side_by_side_and_what_is_proven_has_no_witness() {
+    let folder = tempdir().expect("a folder");
+    let report = folder.path().to_string_lossy();
     let output = run(&[
         "ranges",
         "--json",
@@ -196,6 +198,8 @@ fn ranges_stand_side_by_side_and_what_is_proven_has_no_witness() {
         "1",
         "--search",
         "2000",
+        "--report",
+        &report,
     ]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let found = document(&output);
@@ -215,12 +219,30 @@ fn ranges_stand_side_by_side_and_what_is_proven_has_no_witness() {
                 "{name}"
             );
         }
-        let bound = |what: &str| node["derived"][what].as_f64();
+        let ends = |how: &str| (node[how]["lo"].as_f64(), node[how]["hi"].as_f64());
+        if let ((Some(lo), Some(hi)), affine) = (ends("derived"), ends("derived_affine")) {
+            let affine = (
+                affine.0.expect("never wider"),
+                affine.1.expect("never wider"),
+            );
+            assert!(affine.0 >= lo && affine.1 <= hi, "{name}: {node}");
+        }
         let (Some(min), Some(max)) = (node["min"].as_f64(), node["max"].as_f64()) else {
             continue;
         };
-        if let (Some(lo), Some(hi)) = (bound("lo"), bound("hi")) {
-            assert!(lo <= min && max <= hi, "{name}: {node}");
+        for how in ["derived", "derived_affine"] {
+            if let (Some(lo), Some(hi)) = ends(how) {
+                assert!(lo <= min && max <= hi, "{name}: {node}");
+            }
         }
+    }
+    let page = fs::read_to_string(folder.path().join("ranges.html")).expect("is written");
+    for word in [
+        "<th>simulated</th>",
+        "<th>interval</th>",
+        "<th>affine</th>",
+        "weight_1",
+    ] {
+        assert!(page.contains(word), "{word}");
     }
 }

@@ -4,8 +4,9 @@ use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::outcome::{Candidate, Outcome};
 use crate::ranges::NodeRange;
+use crate::ranges_page::ranges_table;
 
-const STYLE: &str = "body{font:14px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;color:#1d2733;\
+pub(crate) const STYLE: &str = "body{font:14px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;color:#1d2733;\
 background:#fff}table{border-collapse:collapse}td,th{padding:.2em .8em;text-align:right;border-bottom:1px \
 solid #dde3ea}td:first-child,th:first-child{text-align:left}h2{margin-top:2em}.bar{fill:#3f78b5}.out{fill:\
 #c4472f}.low{fill:#b9c3cf}.miss{color:#a3311d}.ok{color:#24713c}text{font:11px system-ui;fill:#46525f}\
@@ -33,6 +34,9 @@ pub fn page(outcome: &Outcome, title: &str, command: &str) -> String {
                 (front(outcome))
                 h2 { "Shares of the rounding error" }
                 (shares(outcome))
+                h2 { "Ranges" }
+                p { "In the deployed formats." }
+                (ranges_table(&outcome.ranges))
                 h2 { "Values against formats" }
                 p { "Simulated magnitudes by bit weight. Blue: within the word; grey: under half its last \
                      place; red: above its range." }
@@ -163,7 +167,7 @@ fn shares(outcome: &Outcome) -> Markup {
     }
 }
 
-fn histogram(range: &NodeRange, format: cardan_datapath::Format) -> Markup {
+pub(crate) fn histogram(range: &NodeRange, format: cardan_datapath::Format) -> Markup {
     let most = range
         .histogram
         .iter()

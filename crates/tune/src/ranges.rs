@@ -88,6 +88,27 @@ pub struct NodeRange {
     pub unexcited: bool,
 }
 
+impl NodeRange {
+    /// What is known of its overflows, in a few words.
+    #[must_use]
+    pub fn verdict(&self) -> String {
+        /// Of a witness; the whole is in the document.
+        const SHOWN: usize = 4;
+        if self.wraps_by_design {
+            "wraps by design".to_owned()
+        } else if self.overflows > 0 {
+            format!("{} in simulation", self.overflows)
+        } else if self.proven {
+            "proven impossible".to_owned()
+        } else if let Some(witness) = &self.witness {
+            let shown = witness.inputs.len().min(SHOWN);
+            format!("possible: input {:?}", &witness.inputs[..shown])
+        } else {
+            "none found".to_owned()
+        }
+    }
+}
+
 /// Ranges of all nodes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ranges {
@@ -233,12 +254,9 @@ fn node_range(problem: &Problem, node: usize, collected: &Collected, guard_bits:
         (Some(simulated), None) => simulated,
         (None, _) => deployed_integer,
     };
-    let proven = affine.ends().is_some_and(|(lo, hi)| {
-        // A place of room, since rounding may reach the next one.
-        lo - format.lsb() >= format.real(format.min_raw())
-            && hi + format.lsb() <= format.real(format.max_raw())
-            || (collected.derived.is_none() && collected.overflows == 0)
-    });
+    let constant = collected.derived.is_none() && collected.overflows == 0;
+    let fits = |(lo, hi): (f64, f64)| Interval::new(lo, hi).fits(format);
+    let proven = constant || affine.ends().is_some_and(fits);
     NodeRange {
         name: info.name.to_owned(),
         unit: info.unit.to_owned(),

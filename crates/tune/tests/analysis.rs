@@ -3,7 +3,7 @@
 mod common;
 
 use cardan_datapath::{Format, Overflow, Rounding};
-use cardan_tune::{Problem, ranges, sensitivities};
+use cardan_tune::{Problem, ranges, ranges_page, sensitivities};
 use common::problem;
 
 #[test]
@@ -84,8 +84,50 @@ fn ranges_prove_what_cannot_overflow_and_find_what_can() {
         "a square"
     );
     assert!(square.integer >= square.integer_simulated.expect("is simulated"));
+    for node in &found.nodes {
+        let (plain, affine) = (node.derived.ends(), node.derived_affine.ends());
+        let (plain, affine) = (plain.expect("is bounded"), affine.expect("is bounded"));
+        assert!(affine.0 >= plain.0 && affine.1 <= plain.1, "{node:?}");
+        let simulated = node.min.zip(node.max).expect("is simulated");
+        // Constants are rounded in words only; here they are exact.
+        assert!(
+            affine.0 <= simulated.0 && affine.1 >= simulated.1,
+            "{node:?}"
+        );
+    }
     let counted: u64 = square.histogram.iter().map(|bin| bin.count).sum();
     assert!(counted <= square.samples && counted > 0);
+}
+
+/// held = held - held/4 + x/4 shares `held` with itself, which intervals forget: they have it grow until
+/// it saturates. Affine forms prove that 8 holds what stems from an input within 1.
+#[test]
+fn affine_bounds_prove_a_low_pass_that_intervals_do_not() {
+    let mut problem = problem(500);
+    for case in problem.tuning.iter_mut().chain(&mut problem.held_out) {
+        case.ports = vec![(-16384, 16384)];
+    }
+    with_word(&mut problem, 3, 16, 12);
+    let found = ranges(&problem, 1, 0, 1);
+    let held = (found.nodes.iter())
+        .find(|node| node.name == "held")
+        .expect("is there");
+    let (plain, affine) = (held.derived, held.derived_affine);
+    assert!(plain.hi.is_some_and(|hi| hi > 8.0), "{held:?}");
+    assert!(affine.hi.is_some_and(|hi| hi > 1.0 && hi < 1.1), "{held:?}");
+    assert!(held.proven, "{held:?}");
+}
+
+#[test]
+fn the_page_shows_all_three_ranges_side_by_side() {
+    let found = ranges(&problem(200), 1, 0, 1);
+    let page = ranges_page(&found, "small: ranges", "cardan ranges <&>");
+    let heads = "<th>simulated</th><th>interval</th><th>affine</th>";
+    assert!(page.contains(heads) && page.contains("cardan ranges &lt;&amp;&gt;"));
+    for node in &found.nodes {
+        let hi = node.derived_affine.hi.expect("is bounded");
+        assert!(page.contains(&format!("… {hi:.5}</td>")), "{}", node.name);
+    }
 }
 
 #[test]

@@ -1,22 +1,25 @@
 //! `ranges`: what values the nodes take, simulated next to derived.
 
 use std::fmt::Write as _;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use cardan_tune::{NodeRange, ranges};
+use cardan_tune::{NodeRange, ranges, ranges_page};
 use clap::Args;
 use serde::Serialize;
 
-use crate::failure::Done;
+use crate::failure::{Done, Failure};
+use crate::files::write_whole;
 use crate::output::Output;
 use crate::recording;
 use crate::run_options::RunOptions;
 
 /// What values each node takes, simulated and derived, and the integer bits it needs.
 ///
-/// Simulated: the algorithm on real numbers over the run's conversions. Derived: interval arithmetic
-/// over the same algorithm, for any conversions at all. A node whose derived range fits its format
-/// is proven; for the others an input that makes them overflow is searched.
+/// Simulated: the algorithm on real numbers over the run's conversions. Derived: interval and affine
+/// arithmetic over the same algorithm, for any conversions at all; affine arithmetic knows what values
+/// have in common and is never wider. A node whose derived range fits its format is proven; for the
+/// others an input that makes them overflow is searched.
 #[derive(Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -30,6 +33,9 @@ pub(crate) struct Arguments {
     /// Random solutions in which overflows are searched
     #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u64).range(0..=10_000_000))]
     search: u64,
+    /// Write ranges.html into this folder
+    #[arg(long, value_name = "DIR")]
+    report: Option<PathBuf>,
 }
 
 #[derive(Serialize)]
@@ -74,40 +80,61 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
             nodes: &found.nodes,
         });
     }
+    if let Some(folder) = &arguments.report {
+        let title = format!("{}: ranges", setup.app.name());
+        write_report(
+            folder,
+            &ranges_page(&found, &title, &command_line(arguments)),
+            output,
+        )?;
+    }
     output.result(&table(&found.nodes, proven));
     Ok(ExitCode::SUCCESS)
 }
 
+fn write_report(folder: &Path, page: &str, output: Output) -> Result<(), Failure> {
+    std::fs::create_dir_all(folder).map_err(|error| {
+        let shown = folder.display();
+        Failure::input(format!("--report {shown}: cannot be made: {error}"))
+    })?;
+    let file = folder.join("ranges.html");
+    write_whole(&file, page)?;
+    output.note(&format!("written: {}", file.display()));
+    Ok(())
+}
+
+/// The command that finds the same again: every option that the result depends on.
+fn command_line(arguments: &Arguments) -> String {
+    let mut line = "cardan ranges".to_owned();
+    for argument in arguments.run.arguments() {
+        line.push(' ');
+        line.push_str(&argument.to_string_lossy());
+    }
+    for scenario in &arguments.also {
+        let _ = write!(line, " --also {scenario}");
+    }
+    let (guard_bits, search) = (arguments.guard_bits, arguments.search);
+    let _ = write!(line, " --guard-bits {guard_bits} --search {search}");
+    line
+}
+
 fn table(nodes: &[NodeRange], proven: usize) -> String {
     let mut out = format!(
-        "{:<19} {:>7} {:>11} {:>11} {:>11} {:>11} {:>5}  {}\n",
-        "node", "format", "min", "max", "derived lo", "derived hi", "bits", "overflow"
+        "{:<19} {:>7} {:^21} {:^21} {:^21} {:>5}  {}\n",
+        "node", "format", "simulated", "interval", "affine", "bits", "overflow"
     );
     for node in nodes {
-        let number =
-            |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.5}"));
-        let overflow = if node.wraps_by_design {
-            "wraps by design".to_owned()
-        } else if node.overflows > 0 {
-            format!("{} in simulation", node.overflows)
-        } else if node.proven {
-            "proven impossible".to_owned()
-        } else if let Some(witness) = &node.witness {
-            format!("possible: input {:?}", shortened(&witness.inputs))
-        } else {
-            "none found".to_owned()
-        };
         let integer = i64::from(node.word) - i64::from(node.frac);
         let _ = writeln!(
             out,
-            "{:<19} {:>7} {:>11} {:>11} {:>11} {:>11} {:>5}  {overflow}",
+            "{:<19} {:>7} {:>21} {:>21} {:>21} {:>5}  {}",
             node.name,
             format!("{integer}.{}", node.frac),
-            number(node.min),
-            number(node.max),
-            number(node.derived.lo),
-            number(node.derived.hi),
+            span(node.min, node.max),
+            span(node.derived.lo, node.derived.hi),
+            span(node.derived_affine.lo, node.derived_affine.hi),
             node.integer,
+            node.verdict(),
         );
     }
     let _ = write!(
@@ -118,7 +145,8 @@ fn table(nodes: &[NodeRange], proven: usize) -> String {
     out
 }
 
-/// The first inputs; the whole is in the JSON document.
-fn shortened(inputs: &[i32]) -> &[i32] {
-    &inputs[..inputs.len().min(4)]
+/// From one end to the other; a dash where an end is not known.
+fn span(lo: Option<f64>, hi: Option<f64>) -> String {
+    let number = |value: Option<f64>| value.map_or("-".to_owned(), |value| format!("{value:.4}"));
+    format!("{}..{}", number(lo), number(hi))
 }

@@ -85,12 +85,11 @@ impl Interval {
         Self::new(lo, hi)
     }
 
-    /// True if every value fits `format`, rounding included.
+    /// True if no value overflows `format`, in whatever way it is rounded.
     #[must_use]
     pub fn fits(self, format: Format) -> bool {
-        let lsb = format.lsb();
-        self.lo >= format.real(format.min_raw())
-            && self.hi <= format.real(format.max_raw()) + lsb / 4.0
+        let Self { lo, hi } = self.on_grid(format);
+        lo >= format.real(format.min_raw()) && hi <= format.real(format.max_raw())
     }
 
     /// Both ends moved outward to multiples of the last place, which no rounding mode leaves.
@@ -103,7 +102,7 @@ impl Interval {
     pub(super) fn quantised(self, format: Format) -> Self {
         let whole = Self::new(format.real(format.min_raw()), format.real(format.max_raw()));
         let Self { lo, hi } = self.on_grid(format);
-        if lo >= whole.lo && hi <= whole.hi {
+        if self.fits(format) {
             return Self::new(lo, hi);
         }
         match format.overflow {

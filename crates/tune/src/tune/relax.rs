@@ -1,7 +1,7 @@
 //! Rounding and overflow mode per node: what costs least and still meets the budget.
 
 use cardan_datapath::{Format, Overflow, Rounding};
-use cardan_numerics::tape::{Interval, bounds};
+use cardan_numerics::tape::{Interval, affine_bounds};
 
 use super::Run;
 use crate::noise::sensitivities;
@@ -28,12 +28,13 @@ impl Run<'_> {
                 }
             }
         }
+        let derived = self.derived(formats);
         for &node in &nodes {
             let mut next = formats.clone();
             next[node].overflow = Overflow::Wrap;
             if formats[node].overflow == Overflow::Saturate
                 && self.cost(&next) <= self.cost(formats)
-                && self.cannot_overflow(node, formats)
+                && derived.iter().all(|case| fits(case[node], formats[node]))
             {
                 *formats = next;
             }
@@ -55,14 +56,15 @@ impl Run<'_> {
         order
     }
 
-    /// Whether the derived bounds of every case leave room in the node's format.
-    fn cannot_overflow(&self, node: usize, formats: &[Format]) -> bool {
-        self.problem.tuning.iter().all(|case| {
-            let bound = bounds(&case.tape, &case.ports, formats)[node];
-            bound.is_some_and(|bound| {
-                let lsb = formats[node].lsb();
-                Interval::new(bound.lo - lsb, bound.hi + lsb).fits(formats[node])
-            })
-        })
+    /// Derived bounds of every node in every case. A node that is proven not to overflow has the same
+    /// ones after it wraps.
+    fn derived(&self, formats: &[Format]) -> Vec<Vec<Option<Interval>>> {
+        let cases = self.problem.tuning.iter();
+        let derived = cases.map(|case| affine_bounds(&case.tape, &case.ports, formats));
+        derived.collect()
     }
+}
+
+fn fits(bound: Option<Interval>, format: Format) -> bool {
+    bound.is_some_and(|bound| bound.fits(format))
 }

@@ -75,10 +75,7 @@ fn least(problem: &Problem, prepared: &[Prepared<'_>], ranges: &Ranges) -> Vec<i
         };
         let guard = ranges.guard_bits.cast_signed();
         let simulated = span.and_then(to_end).map(|bits| bits + guard);
-        let derived = match (range.derived.lo, range.derived.hi) {
-            (Some(lo), Some(hi)) => to_end((lo, hi)),
-            _ => None,
-        };
+        let derived = range.derived_affine.ends().and_then(to_end);
         let needed = [simulated, derived].into_iter().flatten().min();
         needed.map_or(range.integer, |bits| bits.min(range.integer))
     };

@@ -1,0 +1,70 @@
+//! Ranges as a page of their own: simulated, interval and affine bounds side by side, and the
+//! simulated values against the formats.
+
+use cardan_datapath::{Format, Overflow, Rounding};
+use maud::{DOCTYPE, Markup, PreEscaped, html};
+
+use crate::page::{STYLE, histogram};
+use crate::ranges::{NodeRange, Ranges};
+
+/// The page, self-contained.
+#[must_use]
+pub fn ranges_page(found: &Ranges, title: &str, command: &str) -> String {
+    let proven = found.nodes.iter().filter(|node| node.proven).count();
+    let body = html! {
+        (DOCTYPE)
+        html lang="en" {
+            head {
+                meta charset="utf-8";
+                meta name="viewport" content="width=device-width";
+                title { (title) }
+                style { (PreEscaped(STYLE)) }
+            }
+            body {
+                h1 { (title) }
+                p { code { (command) } }
+                p { (found.steps) " solutions simulated; " (proven) " of " (found.nodes.len())
+                    " nodes proven never to overflow, whatever the inputs." }
+                (ranges_table(&found.nodes))
+                h2 { "Values against formats" }
+                p { "Simulated magnitudes by bit weight. Blue: within the word; grey: under half its last \
+                     place; red: above its range." }
+                @for range in &found.nodes { (histogram(range, format(range))) }
+            }
+        }
+    };
+    body.into_string()
+}
+
+/// Per node what is simulated, derived and proven.
+pub(crate) fn ranges_table(nodes: &[NodeRange]) -> Markup {
+    html! {
+        table {
+            tr {
+                th { "node" } th { "unit" } th { "format" } th { "simulated" } th { "interval" }
+                th { "affine" } th { "integer bits" } th { "overflow" }
+            }
+            @for node in nodes {
+                tr {
+                    td { (node.name) } td { (node.unit) }
+                    td { (i64::from(node.word) - i64::from(node.frac)) "." (node.frac) }
+                    td { (span(node.min, node.max)) }
+                    td { (span(node.derived.lo, node.derived.hi)) }
+                    td { (span(node.derived_affine.lo, node.derived_affine.hi)) }
+                    td { (node.integer) }
+                    td { (node.verdict()) }
+                }
+            }
+        }
+    }
+}
+
+fn span(lo: Option<f64>, hi: Option<f64>) -> String {
+    let number = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.5}"));
+    format!("{} … {}", number(lo), number(hi))
+}
+
+/// The node's word; rounding and overflow make no difference to a histogram.
+const fn format(range: &NodeRange) -> Format {
+    Format::new(range.word, range.frac, Rounding::Floor, Overflow::Wrap)
+}
