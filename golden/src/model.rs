@@ -68,7 +68,7 @@ impl Golden {
             record(node::ACCUMULATOR, *sum);
             self.clipped |= clipped && counts;
         }
-        if (index + 1) % BLOCK_CONVERSIONS == 0 {
+        if (index + 1).is_multiple_of(BLOCK_CONVERSIONS) {
             self.end_block(counts, record);
         }
         (index + 1 == self.averaging.conversions()).then(|| self.finish(record))

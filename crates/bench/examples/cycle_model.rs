@@ -9,6 +9,7 @@ use cardan_datapath::wordlengths::{align, parse};
 use cardan_datapath::{Format, Node};
 use cardan_firmware::calibration::NOMINAL;
 use cardan_firmware::nodes::{Accumulator, NODES, Sample};
+use cardan_spec::timing::Averaging;
 use cardan_tune::cost::{Coefficients, Cycles, counts};
 use cardan_tune::{Case, Problem};
 use nalgebra::{DMatrix, DVector};
@@ -59,7 +60,11 @@ fn main() -> Result<(), String> {
 /// The data flow of the solution; inputs do not matter to it.
 fn problem() -> Result<Problem, String> {
     let steps: Vec<Vec<i32>> = (0..8).map(|at| vec![400 + at; 64]).collect();
-    let case = Case::record("flow", &AttitudeDatapath { words: NOMINAL }, &steps);
+    let datapath = AttitudeDatapath {
+        words: NOMINAL,
+        averaging: Averaging::DEFAULT,
+    };
+    let case = Case::record("flow", &datapath, &steps);
     Ok(Problem {
         name: "attitude".to_owned(),
         nodes: NODES.to_vec(),
