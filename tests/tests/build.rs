@@ -102,7 +102,8 @@ fn other_formats_give_another_image_and_the_second_build_is_kept() {
     fs::write(&file, other).expect("the folder is ours");
     let file = file.to_str().expect("a path in UTF-8");
     let build = |arguments: &[&str]| {
-        let output = run(&[&["build", "--json", "--quiet"], arguments].concat());
+        let target = ["build", "--target", "atmega328p", "--json", "--quiet"];
+        let output = run(&[&target, arguments].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
         json(&output)["targets"][0]["images"].clone()
     };
@@ -135,7 +136,14 @@ fn what_build_cannot_use_is_refused_by_name() {
         &format!("[[node]]\n{node}overflow = \"explode\"\n"),
     );
     for (arguments, parts) in [
-        (&["--target", "z80"][..], &["z80", "atmega328p"][..]),
+        (
+            &["--target", "z80"][..],
+            &["z80", "atmega328p", "cortex-m0plus", "cortex-m4", "rv32imc"][..],
+        ),
+        (
+            &["--test", "--target", "cortex-m4"],
+            &["cortex-m4", "no tests", "atmega328p"],
+        ),
         (&["--app", "toaster"], &["toaster", "attitude"]),
         (
             &["--wordlengths", "no/such.toml"],
@@ -179,6 +187,16 @@ fn without_a_toolchain_build_names_what_is_missing_and_doctor() {
 }
 
 #[test]
+fn without_a_linker_other_boards_name_it() {
+    let output = bare(&["build", "--target", "rv32imc"]);
+    let said = stderr(&output);
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    for part in ["rv32imc", "ld.lld", "apt-get install lld", "cardan doctor"] {
+        assert!(said.contains(part), "{said:?} does not say {part:?}");
+    }
+}
+
+#[test]
 fn doctor_is_content_with_a_bare_machine_and_says_how_to_install_the_rest() {
     let output = bare(&["doctor", "--json", "--quiet"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
@@ -199,6 +217,10 @@ fn doctor_is_content_with_a_bare_machine_and_says_how_to_install_the_rest() {
         "rust for AVR",
         "avr-gcc",
         "avr-libc",
+        "rust ARM, RISC-V",
+        "lld",
+        "qemu for ARM",
+        "qemu for RISC-V",
         "simavr",
         "python oracles",
         "chromium",
@@ -223,6 +245,10 @@ fn doctor_finds_what_the_tests_run_with() {
         "avr-gcc",
         "avr binutils",
         "avr-libc",
+        "rust ARM, RISC-V",
+        "lld",
+        "qemu for ARM",
+        "qemu for RISC-V",
     ] {
         let parts = document["parts"].as_array().expect("a list");
         let part = parts

@@ -2,6 +2,7 @@
 
 pub(crate) mod measure;
 mod report;
+mod simulate;
 
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -17,13 +18,14 @@ use self::report::{Document, ImageReport, TargetReport};
 use crate::failure::{Done, Failure, code};
 use crate::files::write_whole;
 use crate::output::Output;
-use crate::toolchain::{self, BOARDS, Board, Built};
+use crate::toolchain::{self, BOARDS, Board, Built, Runs};
 
 /// Cross-compiles the firmware to its targets: flash, RAM, stack and cycles of each image.
 ///
 /// Both images of a target are built: plain, and tapped (which publishes every node value). Stack
 /// and cycles are measured: the image runs in the emulator while its inputs step through the whole
-/// range. Needs a cross toolchain; `cardan doctor` says which parts are missing.
+/// range. ARM and RISC-V programs work on recorded codes; QEMU runs them, which counts no cycles.
+/// Needs a cross toolchain; `cardan doctor` says which parts are missing.
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Application: the algorithm with its board.
@@ -39,8 +41,8 @@ pub(crate) struct Arguments {
     /// this folder; with `--target all` into a folder per target.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
-    /// Instead of images, builds the targets' own tests and runs them in the emulator; exits with 1
-    /// if one fails.
+    /// Instead of images, builds the own tests of the targets that have some (atmega328p) and runs
+    /// them in the emulator; exits with 1 if one fails.
     #[arg(long, conflicts_with_all = ["wordlengths", "out"])]
     test: bool,
 }
@@ -80,6 +82,10 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if arguments.test {
         return test(&boards, output);
     }
+    // Before the first build takes its minutes.
+    for board in &boards {
+        toolchain::find(board).map_err(Failure::input)?;
+    }
     let mut reports = Vec::new();
     for board in boards {
         let folder = arguments.out.as_ref().map(|out| match arguments.target {
@@ -88,7 +94,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         });
         reports.push(target(board, nodes.as_deref(), folder.as_deref(), output)?);
     }
-    let document = Document::new(reports)?;
+    let document = Document::new(reports);
     if output.is_json() {
         output.document(&document);
     }
@@ -96,11 +102,25 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Runs the targets' own tests.
+/// Runs the targets' own tests. Programs for QEMU have none: what they compute is compared with what
+/// the host does.
 fn test(boards: &[&Board], output: Output) -> Done {
+    let (tested, others): (Vec<&Board>, Vec<&Board>) = boards
+        .iter()
+        .partition(|board| board.runs_in == Runs::Emulator);
+    let names: Vec<&str> = others.iter().map(|board| board.name).collect();
+    let names = names.join(", ");
+    if tested.is_empty() {
+        return Err(Failure::input(format!(
+            "--test: {names} has no tests of its own; expected atmega328p or all"
+        )));
+    }
+    if !others.is_empty() {
+        output.note(&format!("without tests of their own: {names}"));
+    }
     let mut passed = true;
     let mut results = serde_json::Map::new();
-    for board in boards {
+    for board in tested {
         let is_good = toolchain::test_board(board, output.is_quiet(), output.is_json())?;
         results.insert(board.name.to_owned(), is_good.into());
         passed &= is_good;
@@ -123,13 +143,26 @@ fn target(
     if let Some(folder) = folder {
         write(board, folder, &plain, &tapped)?;
     }
-    let report = |name, built: &Built| {
-        let measured = measure(&built.file.display().to_string(), &built.elf)?;
-        Ok::<_, Failure>(ImageReport::new(name, built, measured))
+    let runner = match board.runs_in {
+        Runs::Emulator => Vec::new(),
+        Runs::Qemu => toolchain::runner(board)?,
     };
+    let mut remarks = Vec::new();
+    let mut images = Vec::new();
+    for (name, built) in [("plain", &plain), ("tapped", &tapped)] {
+        let measured = match board.runs_in {
+            Runs::Emulator => measure(&built.file.display().to_string(), &built.elf)?,
+            Runs::Qemu => simulate::measure(built, &runner, &mut remarks)?,
+        };
+        images.push(ImageReport::new(name, built, measured));
+    }
+    let toolchain = toolchain::find(board).map_err(Failure::input)?.versions;
     Ok(TargetReport {
         target: board.name,
-        images: vec![report("plain", &plain)?, report("tapped", &tapped)?],
+        toolchain,
+        runner: (!runner.is_empty()).then_some(runner),
+        remarks,
+        images,
     })
 }
 

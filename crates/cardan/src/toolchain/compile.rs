@@ -16,7 +16,7 @@ use cardan_spec::taps;
 use super::find::Compiler;
 use super::metadata::{self, Metadata};
 use super::record::hex_digest;
-use super::{Board, Built, sources, unusable};
+use super::{Board, Built, Runs, sources, unusable};
 use crate::failure::Failure;
 
 /// The wrapper script.
@@ -176,6 +176,16 @@ impl Build<'_> {
             "--message-format=json-render-diagnostics",
         ]);
         cargo.arg("--config").arg(self.flags()?);
+        if let Some(linker) = &self.compiler.linker {
+            let triple = self.board.triple;
+            let linker = linker.to_string_lossy();
+            cargo
+                .arg("--config")
+                .arg(format!("target.{triple}.linker={linker:?}"));
+            if self.compiler.has_sources {
+                cargo.arg("-Zbuild-std=core");
+            }
+        }
         if is_tapped {
             cargo.args(["--features", "taps"]);
         }
@@ -186,7 +196,11 @@ impl Build<'_> {
         let executable = metadata::executable(&messages).ok_or_else(|| {
             Failure::input(format!("cargo built no executable for {}", self.board.name))
         })?;
-        strip(&executable, file)?;
+        match self.board.runs_in {
+            Runs::Emulator => strip(&executable, file)?,
+            // Its profile leaves no debug information.
+            Runs::Qemu => copy(&executable, file)?,
+        }
         drop(lock);
         let elf = fs::read(file).map_err(|error| unusable(file, "cannot be read", &error))?;
         Ok(Built {
@@ -277,9 +291,11 @@ impl Build<'_> {
         let remapped = remapped
             .iter()
             .map(|(from, to)| format!("--remap-path-prefix={}={to}", from.display()));
-        let kept = format!("-Clink-arg=-Wl,--undefined={}", taps::FORMATS_SYMBOL);
+        // (The others' build scripts say so.)
+        let kept = (self.board.runs_in == Runs::Emulator)
+            .then(|| format!("-Clink-arg=-Wl,--undefined={}", taps::FORMATS_SYMBOL));
         let flags: Vec<String> = remapped
-            .chain([kept])
+            .chain(kept)
             .map(|flag| format!("{flag:?}"))
             .collect();
         Ok(format!(
@@ -296,6 +312,13 @@ impl Build<'_> {
         serde_json::from_str(&text).map_err(|error| {
             Failure::input(format!("cargo metadata of {}: {error}", self.board.folder))
         })
+    }
+}
+
+fn copy(from: &Path, to: &Path) -> Result<(), Failure> {
+    match fs::copy(from, to) {
+        Ok(_) => Ok(()),
+        Err(error) => Err(unusable(to, "cannot be written", &error)),
     }
 }
 

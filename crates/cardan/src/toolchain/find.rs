@@ -1,24 +1,28 @@
-//! Finds a Rust compiler that can build for AVR, and the linker and C library it needs.
+//! Finds a Rust compiler that can build for a board, and the linker (and, for AVR, C library) it
+//! needs.
 //!
-//! AVR has no precompiled core library, so the compiler's own sources must be there. Looked for in
-//! this order: `CARDAN_AVR_RUSTC`, Debian's `rustc-web` with `rust-web-src`, a rustup nightly with
-//! `rust-src`.
+//! AVR has no precompiled core library, so the compiler's own sources must be there; for the others
+//! either will do. Looked for in this order: what `CARDAN_AVR_RUSTC` names (for every board),
+//! Debian's `rustc-web` with `rust-web-src`, a rustup nightly with `rust-src`, a rustup stable with
+//! the target's library.
 
 use std::fmt;
 use std::path::{Path, PathBuf};
 
 use super::probe::{first_line, output};
 use super::record::Versions;
+use super::{Board, Runs};
 
 /// Names another compiler.
 const OVERRIDE: &str = "CARDAN_AVR_RUSTC";
 /// Debian's compiler.
 const DEBIAN: &str = "/usr/bin/rustc";
-/// Installs what AVR builds need on Debian.
+/// Installs what cross builds need on Debian.
 const INSTALL_RUST: &str = "apt-get install rustc-web rust-web-src";
 const INSTALL_GCC: &str = "apt-get install gcc-avr binutils-avr avr-libc";
+const INSTALL_LLD: &str = "apt-get install lld";
 
-/// A compiler for AVR with all that it needs.
+/// A compiler for a board with all that it needs.
 #[derive(Clone, Debug)]
 pub(crate) struct Compiler {
     /// `rustc`.
@@ -27,21 +31,29 @@ pub(crate) struct Compiler {
     pub(super) cargo: PathBuf,
     /// Sources of the core library.
     pub(super) library: PathBuf,
+    /// Whether they are there; else the target's core library is, compiled.
+    pub(super) has_sources: bool,
+    /// The linker, where the target's own choice is not it.
+    pub(super) linker: Option<PathBuf>,
     /// Versions of all parts.
     pub(crate) versions: Versions,
 }
 
-/// Why there is no AVR toolchain.
+/// Why there is no toolchain for a board.
 #[derive(Debug)]
-pub(crate) struct Missing(Vec<String>);
+pub(crate) struct Missing {
+    board: &'static str,
+    parts: Vec<String>,
+}
 
 impl fmt::Display for Missing {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "cross-compiling for AVR needs a toolchain that is not there:"
+            "cross-compiling for {} needs a toolchain that is not there:",
+            self.board
         )?;
-        for line in &self.0 {
+        for line in &self.parts {
             writeln!(f, "  {line}")?;
         }
         write!(
@@ -56,25 +68,26 @@ impl fmt::Display for Missing {
 pub(crate) struct Candidate {
     /// Where it comes from.
     pub(crate) origin: &'static str,
-    /// The compiler, and whether it can build for AVR.
+    /// The compiler, or why it cannot build for the target.
     pub(crate) found: Result<Rust, String>,
 }
 
-/// A Rust compiler that can build for AVR.
+/// A Rust compiler that can build for the target.
 #[derive(Clone, Debug)]
 pub(crate) struct Rust {
     rustc: PathBuf,
     cargo: PathBuf,
     library: PathBuf,
+    has_sources: bool,
     /// Version line.
     pub(crate) version: String,
     llvm: String,
 }
 
-/// The first compiler that can build for AVR, with linker and C library.
-pub(crate) fn find() -> Result<Compiler, Missing> {
+/// The first compiler that can build for `board`, with what links its programs.
+pub(crate) fn find(board: &Board) -> Result<Compiler, Missing> {
     let mut missing = Vec::new();
-    let candidates = compilers();
+    let candidates = compilers(board.triple);
     let rust = candidates.iter().find_map(|candidate| {
         let rust = candidate.found.as_ref().ok()?;
         Some(rust.clone())
@@ -87,60 +100,73 @@ pub(crate) fn find() -> Result<Compiler, Missing> {
         }
         missing.push(format!("install one, for example: {INSTALL_RUST}"));
     }
-    let gcc = Gcc::find();
-    if let Err(problem) = &gcc {
-        missing.push(format!("{problem}; install it: {INSTALL_GCC}"));
+    let (link, install) = match board.runs_in {
+        Runs::Emulator => (Gcc::find().map(Link::Gcc), INSTALL_GCC),
+        Runs::Qemu => (lld().map(Link::Lld), INSTALL_LLD),
+    };
+    if let Err(problem) = &link {
+        missing.push(format!("{problem}; install it: {install}"));
     }
-    match (rust, gcc) {
-        (Some(rust), Ok(gcc)) => Ok(rust.with(gcc)),
-        _ => Err(Missing(missing)),
+    match (rust, link) {
+        (Some(rust), Ok(link)) => Ok(rust.with(link)),
+        _ => Err(Missing {
+            board: board.name,
+            parts: missing,
+        }),
     }
 }
 
 /// Every place where a compiler may be, in the order of preference.
-pub(crate) fn compilers() -> Vec<Candidate> {
+pub(crate) fn compilers(triple: &str) -> Vec<Candidate> {
     if let Some(rustc) = std::env::var_os(OVERRIDE) {
-        let found = Rust::examine(Path::new(&rustc), None);
+        let found = Rust::examine(Path::new(&rustc), None, triple);
         return vec![Candidate {
             origin: OVERRIDE,
             found,
         }];
     }
-    let nightly = first_line("rustup", &["which", "--toolchain", "nightly", "rustc"]);
-    let nightly = match nightly {
-        Some(rustc) => {
-            let cargo = Path::new(&rustc).with_file_name("cargo");
-            Rust::examine(Path::new(&rustc), Some(cargo))
-        }
-        None => Err("not installed".to_owned()),
+    let rustup = |toolchain: &str| {
+        let rustc = first_line("rustup", &["which", "--toolchain", toolchain, "rustc"])
+            .ok_or("not installed")?;
+        let cargo = Path::new(&rustc).with_file_name("cargo");
+        Rust::examine(Path::new(&rustc), Some(cargo), triple)
     };
     vec![
         Candidate {
             origin: "Debian's rustc-web",
-            found: Rust::examine(Path::new(DEBIAN), None),
+            found: Rust::examine(Path::new(DEBIAN), None, triple),
         },
         Candidate {
             origin: "rustup's nightly",
-            found: nightly,
+            found: rustup("nightly"),
+        },
+        Candidate {
+            origin: "rustup's stable",
+            found: rustup("stable"),
         },
     ]
 }
 
 impl Rust {
-    /// Checks that `rustc` knows the target and has its library's sources.
-    fn examine(rustc: &Path, cargo: Option<PathBuf>) -> Result<Self, String> {
+    /// Checks that `rustc` knows the target and has its library, or the library's sources.
+    fn examine(rustc: &Path, cargo: Option<PathBuf>, triple: &str) -> Result<Self, String> {
         let shown = rustc.display();
         let verbose = output(rustc.as_os_str(), &["-vV"])
             .ok_or_else(|| format!("{shown} is not there or does not run"))?;
         let targets = output(rustc.as_os_str(), &["--print", "target-list"]).unwrap_or_default();
-        if !targets.lines().any(|target| target == "avr-none") {
+        if !targets.lines().any(|target| target == triple) {
             return Err(format!(
-                "{shown} does not know the target avr-none; needs Rust 1.88"
+                "{shown} does not know the target {triple}; needs Rust 1.88"
             ));
         }
         let sysroot = first_line(rustc, &["--print", "sysroot"]).unwrap_or_default();
         let library = Path::new(&sysroot).join("lib/rustlib/src/rust");
-        if !library.join("library/Cargo.lock").is_file() {
+        let has_sources = library.join("library/Cargo.lock").is_file();
+        let compiled = Path::new(&sysroot)
+            .join("lib/rustlib")
+            .join(triple)
+            .join("lib");
+        if !has_sources && !compiled.is_dir() {
             return Err(format!(
                 "{shown} has no library sources (rust-web-src, or `rustup component add rust-src \
                  --toolchain nightly`)"
@@ -152,27 +178,66 @@ impl Rust {
                 .filter(|cargo| cargo.is_file())
                 .unwrap_or_else(default_cargo),
             library,
+            has_sources,
             version: verbose.lines().next().unwrap_or_default().to_owned(),
             llvm: field(&verbose, "LLVM version: "),
         })
     }
 
-    fn with(self, gcc: Gcc) -> Compiler {
-        let versions = Versions {
+    fn with(self, link: Link) -> Compiler {
+        let mut versions = Versions {
             rustc: self.version,
             llvm: self.llvm,
             cargo: first_line(&self.cargo, &["--version"]).unwrap_or_default(),
-            avr_gcc: gcc.version,
-            binutils: gcc.binutils,
-            avr_libc: gcc.libc,
+            avr_gcc: None,
+            binutils: None,
+            avr_libc: None,
+            lld: None,
+        };
+        let linker = match link {
+            Link::Gcc(gcc) => {
+                versions.avr_gcc = Some(gcc.version);
+                versions.binutils = Some(gcc.binutils);
+                versions.avr_libc = Some(gcc.libc);
+                None
+            }
+            Link::Lld(lld) => {
+                versions.lld = Some(lld.version);
+                Some(lld.program)
+            }
         };
         Compiler {
             rustc: self.rustc,
             cargo: self.cargo,
             library: self.library,
+            has_sources: self.has_sources,
+            linker,
             versions,
         }
     }
+}
+
+/// What links a program.
+enum Link {
+    Gcc(Gcc),
+    Lld(Lld),
+}
+
+/// LLVM's linker.
+pub(crate) struct Lld {
+    program: PathBuf,
+    /// Version line.
+    pub(crate) version: String,
+}
+
+/// The linker of ARM and RISC-V programs.
+pub(crate) fn lld() -> Result<Lld, String> {
+    const PROGRAM: &str = "ld.lld";
+    let version = first_line(PROGRAM, &["--version"]).ok_or("ld.lld is not there")?;
+    Ok(Lld {
+        program: PROGRAM.into(),
+        version,
+    })
 }
 
 /// The cargo that runs us, or the one on the path.

@@ -2,6 +2,7 @@
 //! checkout lies.
 
 mod compile;
+mod elf;
 mod find;
 mod metadata;
 mod probe;
@@ -13,7 +14,8 @@ use std::path::{Path, PathBuf};
 use cardan_datapath::wordlengths::DeclaredNode;
 use cardan_datapath::{Format, NodeInfo};
 
-pub(crate) use find::{compilers, find};
+pub(crate) use elf::sizes;
+pub(crate) use find::{Candidate, compilers, find, lld};
 pub(crate) use probe::{first_line, runs};
 pub(crate) use record::{Recorded, Versions, hex_digest};
 pub(crate) use sources::workspace;
@@ -27,16 +29,57 @@ pub(crate) struct Board {
     pub(crate) name: &'static str,
     /// Its folder in the workspace.
     folder: &'static str,
+    /// Folders of other packages that only boards use.
+    shared: &'static [&'static str],
     /// Compiler target.
-    triple: &'static str,
+    pub(crate) triple: &'static str,
+    /// What its programs run in here.
+    pub(crate) runs_in: Runs,
 }
 
-/// All targets.
-pub(crate) const BOARDS: [Board; 1] = [Board {
-    name: "atmega328p",
-    folder: "firmware/boards/atmega328p",
-    triple: "avr-none",
-}];
+/// What runs a board's programs.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Runs {
+    /// This program's emulator: the reference board.
+    Emulator,
+    /// QEMU, on recorded codes (`firmware/boards/replay`).
+    Qemu,
+}
+
+/// What boards on QEMU share.
+const REPLAY: &[&str] = &["firmware/boards/replay"];
+
+/// All targets; the first is the reference.
+pub(crate) const BOARDS: [Board; 4] = [
+    Board {
+        name: "atmega328p",
+        folder: "firmware/boards/atmega328p",
+        shared: &[],
+        triple: "avr-none",
+        runs_in: Runs::Emulator,
+    },
+    Board {
+        name: "cortex-m0plus",
+        folder: "firmware/boards/cortex-m0plus",
+        shared: REPLAY,
+        triple: "thumbv6m-none-eabi",
+        runs_in: Runs::Qemu,
+    },
+    Board {
+        name: "cortex-m4",
+        folder: "firmware/boards/cortex-m4",
+        shared: REPLAY,
+        triple: "thumbv7em-none-eabi",
+        runs_in: Runs::Qemu,
+    },
+    Board {
+        name: "rv32imc",
+        folder: "firmware/boards/rv32imc",
+        shared: REPLAY,
+        triple: "riscv32imc-unknown-none-elf",
+        runs_in: Runs::Qemu,
+    },
+];
 
 /// An image as the toolchain made it.
 #[derive(Clone, Debug)]
@@ -58,7 +101,7 @@ pub(crate) fn build_board(
     wordlengths: Option<&[DeclaredNode]>,
     is_quiet: bool,
 ) -> Result<Built, Failure> {
-    let compiler = find().map_err(Failure::input)?;
+    let compiler = find(board).map_err(Failure::input)?;
     let workspace = workspace()?;
     compile::image(
         &compiler,
@@ -80,7 +123,7 @@ pub(crate) fn test_board(
     is_quiet: bool,
     is_reported_aside: bool,
 ) -> Result<bool, Failure> {
-    let compiler = find().map_err(Failure::input)?;
+    let compiler = find(board).map_err(Failure::input)?;
     compile::tests(&compiler, &workspace()?, board, is_quiet, is_reported_aside)
 }
 
@@ -97,8 +140,31 @@ pub(crate) fn declared(nodes: &[NodeInfo], formats: &[Format]) -> Vec<DeclaredNo
 
 /// What an image of `board` is built with and from, for the record beside it.
 pub(crate) fn record(board: &Board, plain: &[u8], tapped: &[u8]) -> Result<Recorded, Failure> {
-    let compiler = find().map_err(Failure::input)?;
+    let compiler = find(board).map_err(Failure::input)?;
     record::of(&compiler, &workspace()?, board, plain, tapped)
+}
+
+/// The command that runs a program of `board`, without the program: its Cargo's runner.
+///
+/// # Errors
+/// No sources, or a configuration of Cargo's without one.
+pub(crate) fn runner(board: &Board) -> Result<Vec<String>, Failure> {
+    let file = workspace()?.join(board.folder).join(".cargo/config.toml");
+    let text = std::fs::read_to_string(&file)
+        .map_err(|error| unusable(&file, "cannot be read", &error))?;
+    let table: toml::Table = text
+        .parse()
+        .map_err(|error| unusable(&file, "is no TOML", &error))?;
+    let words = table
+        .get("target")
+        .and_then(|targets| targets.get(board.triple)?.get("runner")?.as_array())
+        .map(|words| words.iter().filter_map(|word| word.as_str()));
+    let words: Vec<String> = words.into_iter().flatten().map(str::to_owned).collect();
+    if words.is_empty() {
+        let expected = format!("expected a list [target.{}] runner", board.triple);
+        return Err(unusable(&file, "names no runner", &expected));
+    }
+    Ok(words)
 }
 
 /// A file of the workspace that could not be used.

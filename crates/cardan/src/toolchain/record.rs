@@ -8,7 +8,7 @@ use cardan_bench::image::Firmware;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{Board, find::Compiler, sources, unusable};
+use super::{Board, Runs, elf, find::Compiler, sources, unusable};
 use crate::failure::Failure;
 
 /// First lines of the file.
@@ -24,12 +24,18 @@ pub(crate) struct Versions {
     pub(crate) llvm: String,
     /// Build tool.
     pub(crate) cargo: String,
-    /// Linker driver.
-    pub(crate) avr_gcc: String,
-    /// Assembler and linker.
-    pub(crate) binutils: String,
-    /// C library, of which the start-up code is linked.
-    pub(crate) avr_libc: String,
+    /// AVR: linker driver.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) avr_gcc: Option<String>,
+    /// AVR: assembler and linker.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) binutils: Option<String>,
+    /// AVR: C library, of which the start-up code is linked.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) avr_libc: Option<String>,
+    /// ARM and RISC-V: linker.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) lld: Option<String>,
 }
 
 impl fmt::Display for Versions {
@@ -41,11 +47,16 @@ impl fmt::Display for Versions {
             avr_gcc,
             binutils,
             avr_libc,
+            lld,
         } = self;
-        write!(
-            f,
-            "{rustc}, LLVM {llvm}, {cargo}, {avr_gcc}, {binutils}, avr-libc {avr_libc}"
-        )
+        write!(f, "{rustc}, LLVM {llvm}, {cargo}")?;
+        for part in [avr_gcc, binutils, lld].into_iter().flatten() {
+            write!(f, ", {part}")?;
+        }
+        match avr_libc {
+            Some(version) => write!(f, ", avr-libc {version}"),
+            None => Ok(()),
+        }
     }
 }
 
@@ -67,8 +78,9 @@ pub(crate) struct Sources {
     pub(crate) sha256: String,
     /// SHA-256 of the board's lock file.
     pub(crate) lock_sha256: String,
-    /// Version of the register definitions.
-    pub(crate) avr_device: String,
+    /// AVR: version of the register definitions.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub(crate) avr_device: Option<String>,
     /// Hash of the node formats.
     pub(crate) formats: String,
 }
@@ -119,26 +131,36 @@ pub(super) fn of(
     let lock = workspace.join(board.folder).join("Cargo.lock");
     let text =
         fs::read_to_string(&lock).map_err(|error| unusable(&lock, "cannot be read", &error))?;
-    let firmware = Firmware::parse("the plain image", plain).map_err(Failure::input)?;
-    let formats = firmware.formats.ok_or_else(|| {
-        Failure::input(format!(
-            "the image of {} carries no format table",
-            board.name
-        ))
-    })?;
+    let formats = formats_hash(board, plain)?;
     Ok(Recorded {
         toolchain: compiler.versions.clone(),
         sources: Sources {
             sha256: sources::digest(workspace, board)?,
             lock_sha256: hex_digest(text.as_bytes()),
-            avr_device: locked_version(&text, "avr-device").unwrap_or_default(),
-            formats: format!("{:016x}", formats.hash),
+            avr_device: locked_version(&text, "avr-device"),
+            formats: format!("{formats:016x}"),
         },
         images: Images {
             plain: Digested::of(plain),
             tapped: Digested::of(tapped),
         },
     })
+}
+
+/// The hash in the format table of an image of `board`.
+fn formats_hash(board: &Board, plain: &[u8]) -> Result<u64, Failure> {
+    let name = "the plain image";
+    if board.runs_in == Runs::Qemu {
+        return elf::formats_hash(name, plain);
+    }
+    let firmware = Firmware::parse(name, plain).map_err(Failure::input)?;
+    let formats = firmware.formats.ok_or_else(|| {
+        Failure::input(format!(
+            "the image of {} carries no format table",
+            board.name
+        ))
+    })?;
+    Ok(formats.hash)
 }
 
 /// Version of package `name` in the text of a lock file.

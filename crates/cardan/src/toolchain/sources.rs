@@ -45,7 +45,7 @@ pub(crate) fn workspace() -> Result<PathBuf, Failure> {
 /// SHA-256 over the names and contents of all sources of `board`, as hexadecimal digits.
 pub(super) fn digest(workspace: &Path, board: &Board) -> Result<String, Failure> {
     let mut files = Vec::new();
-    for folder in SHARED.iter().chain([&board.folder]) {
+    for folder in SHARED.iter().chain(board.shared).chain([&board.folder]) {
         let folder = workspace.join(folder);
         collect(&folder, &mut files)
             .map_err(|error| unusable(&folder, "cannot be read", &error))?;

@@ -15,9 +15,9 @@ use serde::Serialize;
 use crate::failure::Failure;
 
 /// Solutions measured in binary mode.
-const SOLUTIONS: u64 = 120;
+pub(super) const SOLUTIONS: u64 = 120;
 /// Solutions in text mode after them, for the stack.
-const TEXT_SOLUTIONS: u64 = 20;
+pub(super) const TEXT_SOLUTIONS: u64 = 20;
 /// Bytes of code per interrupt vector.
 const VECTOR_BYTES: u32 = 4;
 /// Vector of the converter, which is the sample interrupt.
@@ -34,10 +34,10 @@ pub(crate) struct Measured {
     pub(crate) flash_size: usize,
     /// Static data; `null` if the image does not tell.
     pub(crate) ram_bytes: Option<u32>,
-    /// SRAM of the chip.
-    pub(crate) ram_size: u16,
-    /// Stack at its deepest.
-    pub(crate) stack_bytes: u16,
+    /// RAM of the chip.
+    pub(crate) ram_size: u32,
+    /// Stack at its deepest; `null` where nothing is there that runs the image.
+    pub(crate) stack_bytes: Option<u32>,
     /// From the first cycle of the entry to the last of RETI.
     pub(crate) sample_interrupt_cycles: Option<Spread>,
     /// From the solving pin's rise to its fall, interrupts included.
@@ -45,7 +45,7 @@ pub(crate) struct Measured {
     /// The same without interrupts.
     pub(crate) solution_own_cycles: Option<Spread>,
     /// Share of the time in which the processor does not sleep.
-    pub(crate) cpu_load: f64,
+    pub(crate) cpu_load: Option<f64>,
 }
 
 /// Largest and mean of a number of spans.
@@ -93,12 +93,12 @@ pub(crate) fn measure(name: &str, elf: &[u8]) -> Result<Measured, Failure> {
         flash_bytes: image.flash.len(),
         flash_size: ATMEGA328P.flash_bytes,
         ram_bytes: static_data(&image),
-        ram_size: ATMEGA328P.sram_bytes,
-        stack_bytes: ATMEGA328P.ram_end() - machine.statistics().lowest_sp,
+        ram_size: ATMEGA328P.sram_bytes.into(),
+        stack_bytes: Some((ATMEGA328P.ram_end() - machine.statistics().lowest_sp).into()),
         sample_interrupt_cycles: sample.if_any(),
         solution_cycles: solution.if_any(),
         solution_own_cycles: own.if_any(),
-        cpu_load: load,
+        cpu_load: Some(load),
     })
 }
 
@@ -231,7 +231,7 @@ impl Environment for Probe {
 
 /// A voltage that differs from solution to solution: a quarter of them at a rail, the others
 /// anywhere between.
-fn voltage(solution: u64, channel: u8) -> f64 {
+pub(super) fn voltage(solution: u64, channel: u8) -> f64 {
     let number = scrambled(solution * CHANNELS as u64 + u64::from(channel));
     let between = (number >> 11) as f64 / (1u64 << 53) as f64;
     match number & 7 {

@@ -5,13 +5,13 @@ use std::fmt;
 use serde::Serialize;
 
 use super::measure::{Measured, Spread};
-use crate::failure::Failure;
-use crate::toolchain::{self, Built, Versions, hex_digest};
+use crate::toolchain::{Built, Versions, hex_digest};
 
 /// The JSON document.
 #[derive(Serialize)]
 pub(super) struct Document {
-    toolchain: Versions,
+    /// Of the first target.
+    toolchain: Option<Versions>,
     targets: Vec<TargetReport>,
 }
 
@@ -19,6 +19,11 @@ pub(super) struct Document {
 #[derive(Serialize)]
 pub(super) struct TargetReport {
     pub(super) target: &'static str,
+    pub(super) toolchain: Versions,
+    /// The command that runs an image, without the image, where that is not this program.
+    pub(super) runner: Option<Vec<String>>,
+    /// What could not be measured.
+    pub(super) remarks: Vec<String>,
     pub(super) images: Vec<ImageReport>,
 }
 
@@ -47,10 +52,10 @@ impl ImageReport {
 }
 
 impl Document {
-    /// The document with the versions of the toolchain.
-    pub(super) fn new(targets: Vec<TargetReport>) -> Result<Self, Failure> {
-        let toolchain = toolchain::find().map_err(Failure::input)?.versions;
-        Ok(Self { toolchain, targets })
+    /// The document of all targets.
+    pub(super) fn new(targets: Vec<TargetReport>) -> Self {
+        let toolchain = targets.first().map(|target| target.toolchain.clone());
+        Self { toolchain, targets }
     }
 }
 
@@ -58,7 +63,7 @@ impl fmt::Display for Document {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         writeln!(
             f,
-            "{:<11} {:<7} {:>14} {:>13} {:>8}   {:>18}   {:>20}   {:>20}   {:>5}",
+            "{:<13} {:<7} {:>14} {:>13} {:>8}   {:>18}   {:>20}   {:>20}   {:>5}",
             "target",
             "image",
             "flash",
@@ -69,6 +74,7 @@ impl fmt::Display for Document {
             "without interrupts",
             "load"
         )?;
+        let mut notes: Vec<String> = Vec::new();
         for target in &self.targets {
             for image in &target.images {
                 row(f, target.target, image)?;
@@ -76,13 +82,22 @@ impl fmt::Display for Document {
             if let [plain, tapped] = &target.images[..] {
                 writeln!(f, "{}", cost(&plain.measured, &tapped.measured))?;
             }
+            let toolchain = format!("{}: {}", target.target, target.toolchain);
+            notes.extend(target.remarks.iter().cloned().chain([toolchain]));
         }
         writeln!(
             f,
             "Flash, RAM and stack in bytes; cycles as worst (mean). Stack and cycles are those of a \
              run with voltages\nover the whole range and nominal calibration: measured, not bounds."
         )?;
-        write!(f, "{}", self.toolchain)
+        if self.targets.iter().any(|target| target.runner.is_some()) {
+            writeln!(
+                f,
+                "Programs for QEMU keep the firmware's state on the stack, and hold what reads codes \
+                 from and writes\nresults to files of the host."
+            )?;
+        }
+        write!(f, "{}", notes.join("\n"))
     }
 }
 
@@ -93,14 +108,16 @@ fn row(f: &mut fmt::Formatter<'_>, target: &str, image: &ImageReport) -> fmt::Re
         .map_or("-".to_owned(), |ram| share(ram.into(), m.ram_size.into()));
     writeln!(
         f,
-        "{target:<11} {:<7} {:>14} {ram:>13} {:>8}   {:>18}   {:>20}   {:>20}   {:>4.1}%",
+        "{target:<13} {:<7} {:>14} {ram:>13} {:>8}   {:>18}   {:>20}   {:>20}   {:>5}",
         image.image,
         share(m.flash_bytes as u64, m.flash_size as u64),
-        m.stack_bytes,
+        m.stack_bytes
+            .map_or("-".to_owned(), |bytes| bytes.to_string()),
         spread(m.sample_interrupt_cycles),
         spread(m.solution_cycles),
         spread(m.solution_own_cycles),
-        m.cpu_load * 100.0,
+        m.cpu_load
+            .map_or("-".to_owned(), |load| format!("{:.1}%", load * 100.0)),
     )
 }
 
@@ -121,10 +138,13 @@ fn cost(plain: &Measured, tapped: &Measured) -> String {
         Some(format!("{:.0}", tapped.mean - plain.mean))
     };
     let flash = tapped.flash_bytes.saturating_sub(plain.flash_bytes);
-    let sample = more(|m| m.sample_interrupt_cycles).unwrap_or("-".to_owned());
-    let solution = more(|m| m.solution_own_cycles).unwrap_or("-".to_owned());
-    format!(
-        "taps cost {flash} bytes of flash, {sample} cycles per sample interrupt and {solution} per \
-         solution on average"
-    )
+    let sample = more(|m| m.sample_interrupt_cycles);
+    let solution = more(|m| m.solution_own_cycles);
+    match (sample, solution) {
+        (Some(sample), Some(solution)) => format!(
+            "taps cost {flash} bytes of flash, {sample} cycles per sample interrupt and {solution} \
+             per solution on average"
+        ),
+        _ => format!("taps cost {flash} bytes of flash"),
+    }
 }

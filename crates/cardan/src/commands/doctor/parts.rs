@@ -6,7 +6,7 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::shared_memory;
-use crate::toolchain::{self, first_line, runs};
+use crate::toolchain::{self, BOARDS, Candidate, Runs, first_line, runs};
 
 /// What a part is needed for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -132,29 +132,74 @@ pub(super) fn all() -> Vec<Part> {
         avr_rust(),
     ];
     parts.extend(avr_tools());
+    parts.extend(other_boards());
     parts.extend(test_tools());
     parts
 }
 
 fn avr_rust() -> Part {
-    let candidates = toolchain::compilers();
-    let found = candidates.iter().find_map(|candidate| {
-        let rust = candidate.found.as_ref().ok()?;
-        Some(format!("{} ({})", rust.version, candidate.origin))
-    });
-    let problems = candidates.iter().filter_map(|candidate| {
-        let problem = candidate.found.as_ref().err()?;
-        Some(format!("{}: {problem}", candidate.origin))
-    });
-    let problems: Vec<String> = problems.collect();
     Part::new(
         "rust for AVR",
         Need::Build,
         "compiles the firmware: a compiler with its library's sources. Debian's, or a nightly: \
          rustup toolchain install nightly --component rust-src",
-        found.ok_or_else(|| problems.join("; ")),
+        compiler(BOARDS[0].triple),
         Install::Packages(&["rustc-web", "rust-web-src"]),
     )
+}
+
+/// The compiler for a target, or what is wrong with each.
+fn compiler(triple: &str) -> Result<String, String> {
+    let candidates = toolchain::compilers(triple);
+    let found = candidates.iter().find_map(|candidate| {
+        let rust = candidate.found.as_ref().ok()?;
+        Some(format!("{} ({})", rust.version, candidate.origin))
+    });
+    found.ok_or_else(|| {
+        let problems = candidates.iter().filter_map(|Candidate { origin, found }| {
+            let problem = found.as_ref().err()?;
+            Some(format!("{origin}: {problem}"))
+        });
+        problems.collect::<Vec<_>>().join("; ")
+    })
+}
+
+/// What the boards with ARM and RISC-V need.
+fn other_boards() -> [Part; 4] {
+    let boards = BOARDS.iter().filter(|board| board.runs_in == Runs::Qemu);
+    let compilers: Result<Vec<String>, String> =
+        boards.map(|board| compiler(board.triple)).collect();
+    [
+        Part::new(
+            "rust ARM, RISC-V",
+            Need::Build,
+            "compiles the firmware for cortex-m0plus, cortex-m4, rv32imc: as for AVR, or `rustup \
+             target add`",
+            compilers.map(|mut versions| versions.swap_remove(0)),
+            Install::Packages(&["rustc-web", "rust-web-src"]),
+        ),
+        Part::new(
+            "lld",
+            Need::Build,
+            "links programs for ARM and RISC-V",
+            toolchain::lld().map(|lld| lld.version),
+            Install::Packages(&["lld"]),
+        ),
+        Part::new(
+            "qemu for ARM",
+            Need::Build,
+            "runs programs for ARM (QEMU has no Cortex-M0+: a Cortex-M0)",
+            program("qemu-system-arm", &["--version"]),
+            Install::Packages(&["qemu-system-arm"]),
+        ),
+        Part::new(
+            "qemu for RISC-V",
+            Need::Build,
+            "runs programs for RISC-V",
+            program("qemu-system-riscv32", &["--version"]),
+            Install::Packages(&["qemu-system-misc"]),
+        ),
+    ]
 }
 
 fn avr_tools() -> [Part; 3] {
