@@ -2,6 +2,8 @@
 
 use std::error::Error;
 
+use cardan_emulator::Pin;
+use cardan_frontend::Inner;
 use serde::{Deserialize, Serialize};
 
 /// One conversion of the emulated converter.
@@ -62,6 +64,18 @@ pub trait Sink {
     /// A frame left the device; `bytes` with the delimiter.
     fn frame(&mut self, cycle: u64, bytes: &[u8]) -> Result<(), SinkError> {
         let _ = (cycle, bytes);
+        Ok(())
+    }
+
+    /// A pin of the controller took `level`. (After reset all are low.)
+    fn pin(&mut self, cycle: u64, pin: Pin, level: bool) -> Result<(), SinkError> {
+        let _ = (cycle, pin, level);
+        Ok(())
+    }
+
+    /// The voltages inside a channel of the front end at a hold instant.
+    fn inner(&mut self, cycle: u64, channel: u8, inner: &Inner) -> Result<(), SinkError> {
+        let _ = (cycle, channel, inner);
         Ok(())
     }
 

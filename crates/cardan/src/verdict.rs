@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use cardan_bench::App;
 use cardan_compare::table::{self, Style};
 use cardan_compare::{Comparison, Verdict, compare, html};
 use clap::Args;
 
-use crate::dump;
+use crate::dump::{self, DumpOptions};
 use crate::failure::{Done, Failure, code};
 use crate::output::Output;
 use crate::participants::diff::Collected;
@@ -19,9 +20,8 @@ pub(crate) struct Extras {
     /// Write a self-contained HTML report into this folder
     #[arg(long, value_name = "DIR")]
     pub(crate) report: Option<PathBuf>,
-    /// Write every solution's node values as CSV
-    #[arg(long, value_name = "FILE")]
-    pub(crate) dump: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) dump: DumpOptions,
 }
 
 /// Width of tables where the terminal does not say.
@@ -32,6 +32,7 @@ pub(crate) fn publish(
     comparison: &Comparison,
     collected: &Collected,
     extras: &Extras,
+    dump: Option<(&dump::Plan, &dyn App)>,
     output: Output,
 ) -> Done {
     let report = compare(comparison);
@@ -39,9 +40,9 @@ pub(crate) fn publish(
         let path = html::write(&report, comparison, folder).map_err(Failure::input)?;
         output.note(&format!("report: {}", path.display()));
     }
-    if let Some(file) = &extras.dump {
-        dump::write(comparison, collected, file)?;
-        output.note(&format!("dump: {}", file.display()));
+    if let Some((plan, app)) = dump {
+        plan.write(app, comparison, collected)?;
+        output.note(&format!("dump: {}", plan.file().display()));
     }
     if output.is_json() {
         output.document(&report);

@@ -7,7 +7,7 @@ use cardan_sensors::{Accelerometer, Flicker, LinearSensor, Magnetometer};
 use cardan_spec::REFERENCE_V;
 use cardan_spec::timing::CPU_HZ;
 
-use crate::chain::{BAND_PASS, Chain, OUTPUT, STATES};
+use crate::chain::{BAND_PASS, Chain, HOLD, OUTPUT, STATES};
 use crate::design::{ChainDesign, PERIOD_CYCLES};
 use crate::matrix::{self, Vector};
 use crate::pattern::{Line, Patterns, Segment};
@@ -146,6 +146,17 @@ impl Plan {
     }
 }
 
+/// Voltages inside a channel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Inner {
+    /// Output of the band-pass.
+    pub band_pass_v: f64,
+    /// Hold capacitors H+ and H-.
+    pub hold_v: [f64; 2],
+    /// Output of the low-pass, before the last amplifier.
+    pub low_pass_v: f64,
+}
+
 /// One channel.
 #[derive(Clone, Debug)]
 pub(crate) struct Channel {
@@ -217,6 +228,15 @@ impl Channel {
         self.watch
             .see(Stage::Output, cycle, !(0.0..=REFERENCE_V).contains(&free));
         free.clamp(0.0, REFERENCE_V)
+    }
+
+    /// Voltages inside, in the instant up to which the state is known.
+    pub(crate) fn inner(&self) -> Inner {
+        Inner {
+            band_pass_v: self.state[BAND_PASS],
+            hold_v: [self.state[HOLD], self.state[HOLD + 1]],
+            low_pass_v: self.state[OUTPUT],
+        }
     }
 
     /// Goes on to `cycle`, span by span.

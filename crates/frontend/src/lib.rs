@@ -31,6 +31,7 @@ use cardan_spec::{CHANNELS, Channel as Name, FIELD_FULL_SCALE_UT, REFERENCE_V, T
 use cardan_units::{Cycles, Volts};
 
 pub use adc::AdcErrors;
+pub use channel::Inner;
 pub use design::Design;
 pub use error::Error;
 pub use saturation::{Saturation, Stage};
@@ -137,6 +138,12 @@ impl<S: Stimulus> Frontend<S> {
                 .unwrap_or(0),
         );
         Ok(Volts(self.sampler.take(volts)))
+    }
+
+    /// Voltages inside a channel in the instant of its last reading.
+    #[must_use]
+    pub fn inner(&self, name: Name) -> Inner {
+        self.channels[name as usize].inner()
     }
 
     /// Every stage that left its linear range, with channel, first cycle and count.

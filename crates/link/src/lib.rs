@@ -63,7 +63,7 @@ pub use error::{Death, LinkError};
 pub use handle::{Reader, Writer};
 pub use options::Options;
 pub use port::Traffic;
-pub use record::{Conversion, Frame, NodeReal, NodeWord, Notice, Record, TruthSample};
+pub use record::{Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, TruthSample};
 pub use role::Role;
 pub use session::{Counters, Session};
 pub use session_id::SessionId;

@@ -129,6 +129,18 @@ pub struct TruthSample {
     pub yaw_rad: f64,
 }
 
+/// A value of a signal that somebody wants to see: a pin's level, a voltage inside the front end.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[repr(C)]
+pub struct SignalValue {
+    /// MCU cycle from which it holds, or at which it was taken.
+    pub cycle: u64,
+    /// Level (0 or 1) or volts.
+    pub value: f64,
+    /// Which signal; the product says what each number means.
+    pub signal: u16,
+}
+
 impl Record for Conversion {
     fn cycle(&self) -> u64 {
         self.cycle
@@ -154,6 +166,12 @@ impl Record for Frame {
 }
 
 impl Record for TruthSample {}
+
+impl Record for SignalValue {
+    fn cycle(&self) -> u64 {
+        self.cycle
+    }
+}
 
 /// A byte of a [`Blob`](crate::Blob).
 impl Record for u8 {}

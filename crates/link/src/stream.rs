@@ -4,7 +4,9 @@
 //! no set of full buffers can make participants wait for each other in a circle.
 
 use crate::error::LinkError;
-use crate::record::{Conversion, Frame, NodeReal, NodeWord, Notice, Record, TruthSample};
+use crate::record::{
+    Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, TruthSample,
+};
 use crate::role::Role;
 
 /// A stream of records of one type. Implemented by the markers of this module only.
@@ -71,6 +73,8 @@ streams! {
     RealNodes = "real-nodes", NodeReal: MODELS => DIFF;
     /// Golden's node values on the ideal voltages, for the error budget.
     IdealNodes = "ideal-nodes", NodeReal: GOLDEN => DIFF;
+    /// Pins and inner voltages that are to be dumped; empty unless asked for.
+    Signals = "signals", SignalValue: EMULATED => DIFF;
     /// Named byte strings of any length: configuration, calibration, run summary.
     Blobs = "blobs", u8: UPSTREAM => DOWNSTREAM;
 }

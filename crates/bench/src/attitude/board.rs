@@ -109,6 +109,8 @@ impl Board<'_> {
 
 impl Environment for Board<'_> {
     fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
+        let result = self.sink.pin(cycle, pin, level);
+        self.keep(result);
         let driven = match pin {
             CARRIER => DrivenPin::Carrier,
             STROBE => DrivenPin::Strobe,
@@ -143,6 +145,11 @@ impl Environment for Board<'_> {
                     self.state.schedule.hold(cycle);
                 }
                 self.state.ideal = Some((cycle, volts));
+                if self.state.conversions < self.last_conversion() {
+                    let inner = self.frontend.inner(channel);
+                    let result = self.sink.inner(cycle, channel as u8, &inner);
+                    self.keep(result);
+                }
                 self.adc.apply(Volts(volts), self.state.conversions).0
             }
             Err(error) => {

@@ -14,6 +14,7 @@ use cardan_scenario::{Scenario, print_scenario};
 use clap::Args;
 
 use super::corners::{self, CornerOptions};
+use crate::dump;
 use crate::failure::{Done, Failure, code};
 use crate::judge;
 use crate::output::Output;
@@ -59,6 +60,7 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
     };
     // Every bad input is told here, before anything starts.
     let setup = args.run.resolve()?;
+    let plan = args.extras.dump.plan(setup.app)?;
     setup
         .app
         .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
@@ -68,7 +70,7 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
         return corners::execute(&args.corners, file, &run, &setup, output);
     }
     if args.in_process {
-        in_threads(args, &setup, session, output)
+        in_threads(args, &setup, plan.as_ref(), session, output)
     } else {
         let run = args.run.with_image_of(&setup);
         in_processes(args, &run, &session, output)
@@ -132,6 +134,9 @@ fn participant(
         }
         Role::Emulated | Role::Diff => {
             command.args(run.arguments());
+            for name in args.extras.dump.signals() {
+                command.arg("--dump-signal").arg(name);
+            }
         }
     }
     let mut participant = Participant::new(role, command);
@@ -142,8 +147,8 @@ fn participant(
             participant.command.arg("--json");
         }
         for (name, path) in [
-            ("--report", &args.extras.report),
-            ("--dump", &args.extras.dump),
+            ("--report", args.extras.report.as_deref()),
+            ("--dump", args.extras.dump.file()),
         ] {
             if let Some(path) = path {
                 participant.command.arg(name).arg(path);
@@ -166,23 +171,36 @@ fn ended_early(error: SupervisorError) -> Failure {
     }
 }
 
-fn in_threads(args: &CompareArgs, setup: &Setup, session: SessionId, output: Output) -> Done {
-    let collected = collected(setup, &session)?;
+fn in_threads(
+    args: &CompareArgs,
+    setup: &Setup,
+    plan: Option<&dump::Plan>,
+    session: SessionId,
+    output: Output,
+) -> Done {
+    let collected = collected(setup, &session, plan)?;
     let shown = args.session.as_deref().unwrap_or(AUTOMATIC);
     let command = verdict::command_line(&args.run);
     let comparison = judge::comparison(setup, &collected, shown, command)?;
-    verdict::publish(&comparison, &collected, &args.extras, output)
+    let dump = plan.map(|plan| (plan, setup.app));
+    verdict::publish(&comparison, &collected, &args.extras, dump, output)
 }
 
 /// The comparison of a run in this process, for other commands.
 pub(crate) fn comparison(run: &RunOptions) -> Result<cardan_compare::Comparison, Failure> {
     let setup = run.resolve()?;
-    let collected = collected(&setup, &SessionId::fresh())?;
+    let collected = collected(&setup, &SessionId::fresh(), None)?;
     judge::comparison(&setup, &collected, AUTOMATIC, verdict::command_line(run))
 }
 
 /// Runs all participants as threads.
-fn collected(setup: &Setup, session: &SessionId) -> Result<diff::Collected, Failure> {
+fn collected(
+    setup: &Setup,
+    session: &SessionId,
+    plan: Option<&dump::Plan>,
+) -> Result<diff::Collected, Failure> {
+    let signals = plan.map(dump::Plan::signals).unwrap_or_default();
+    let timed = plan.map(dump::Plan::nodes).unwrap_or_default();
     let join = |role: Role| {
         join(
             role,
@@ -193,11 +211,11 @@ fn collected(setup: &Setup, session: &SessionId) -> Result<diff::Collected, Fail
         )
     };
     thread::scope(|scope| {
-        let emulated = scope.spawn(|| emulated::run(join(Role::Emulated)?, setup));
+        let emulated = scope.spawn(|| emulated::run(join(Role::Emulated)?, setup, signals));
         let native =
             scope.spawn(|| native::run(join(Role::Native)?, setup.app, setup.formats.as_deref()));
         let golden = scope.spawn(|| golden::run(join(Role::Golden)?, setup.app));
-        let collected = join(Role::Diff).and_then(diff::collect);
+        let collected = join(Role::Diff).and_then(|session| diff::collect(session, &timed));
         for (name, thread) in [
             ("emulated", emulated),
             ("native", native),

@@ -6,6 +6,7 @@ use std::process::ExitCode;
 use cardan_link::Role;
 use clap::Args;
 
+use crate::dump;
 use crate::failure::{Done, Failure};
 use crate::judge;
 use crate::output::Output;
@@ -20,6 +21,10 @@ pub(crate) struct EmulateArgs {
     join: JoinOptions,
     #[command(flatten)]
     run: RunOptions,
+    /// Publishes a pin (PB1) or an inner voltage (adc0_band_pass_V), which `diff --dump` writes; may
+    /// be repeated
+    #[arg(long, value_name = "NAME")]
+    dump_signal: Vec<String>,
 }
 
 /// Options of `golden` and `native`: all else comes from `emulate`.
@@ -72,12 +77,13 @@ pub(crate) fn emulate(args: &EmulateArgs, output: Output) -> Done {
         .app
         .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
         .map_err(Failure::input)?;
+    let signals = dump::signals(&args.dump_signal, setup.app)?;
     let session = args.join.join(Role::Emulated, setup.formats_hash)?;
     output.note(&format!(
         "emulating {} for {} s",
         setup.scenario.name, setup.seconds
     ));
-    emulated::run(session, &setup)?;
+    emulated::run(session, &setup, &signals)?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -99,10 +105,13 @@ pub(crate) fn golden(args: &ModelArgs, output: Output) -> Done {
 
 pub(crate) fn diff(args: &DiffArgs, output: Output) -> Done {
     let setup = args.run.resolve()?;
+    let plan = args.extras.dump.plan(setup.app)?;
+    let timed = plan.as_ref().map(dump::Plan::nodes).unwrap_or_default();
     let session = args.join.join(Role::Diff, setup.formats_hash)?;
-    let collected = diff::collect(session)?;
+    let collected = diff::collect(session, &timed)?;
     let name = args.report_session.as_deref().unwrap_or(&args.join.session);
     let command = verdict::command_line(&args.run);
     let comparison = judge::comparison(&setup, &collected, name, command)?;
-    verdict::publish(&comparison, &collected, &args.extras, output)
+    let dump = plan.as_ref().map(|plan| (plan, setup.app));
+    verdict::publish(&comparison, &collected, &args.extras, dump, output)
 }

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use cardan_bench::app::Configuration;
 use cardan_bench::{Conversion, Summary};
-use cardan_link::stream::{Frames, IdealNodes, Nodes, RealNodes, Truth};
-use cardan_link::{BlobReader, NodeReal, NodeWord, Role, Session, TruthSample};
+use cardan_link::stream::{Frames, IdealNodes, Nodes, RealNodes, Signals, Truth};
+use cardan_link::{BlobReader, NodeReal, NodeWord, Role, Session, SignalValue, TruthSample};
 
 use super::{SUMMARY, configuration, conversions, lost};
 use crate::failure::Failure;
@@ -20,6 +20,10 @@ pub(crate) struct Collected {
     pub(crate) truths: Vec<TruthSample>,
     pub(crate) emulated: Streams<i64>,
     pub(crate) native: Streams<i64>,
+    /// Cycle of the conversion that caused each of native's words, of the nodes asked for.
+    pub(crate) native_cycles: Streams<u64>,
+    /// What `emulated` published for the dump.
+    pub(crate) signals: Vec<SignalValue>,
     pub(crate) real: Streams<f64>,
     /// By shared node.
     pub(crate) golden: Streams<f64>,
@@ -34,8 +38,8 @@ pub(crate) struct Collected {
     pub(crate) lost: u64,
 }
 
-/// Collects the whole session.
-pub(crate) fn collect(session: Session) -> Result<Collected, Failure> {
+/// Collects the whole session, and the cycles of the nodes in `timed`.
+pub(crate) fn collect(session: Session, timed: &[usize]) -> Result<Collected, Failure> {
     let mut emulated_blobs = session.blob_reader(Role::Emulated).map_err(lost)?;
     let mut native_blobs = session.blob_reader(Role::Native).map_err(lost)?;
     let configuration = configuration(&mut emulated_blobs)?;
@@ -45,10 +49,15 @@ pub(crate) fn collect(session: Session) -> Result<Collected, Failure> {
         .map_err(lost)?
         .collect()
         .map_err(lost)?;
-    let emulated = words(&session, Role::Emulated)?;
+    let signals = session
+        .reader(Role::Emulated, Signals)
+        .map_err(lost)?
+        .collect()
+        .map_err(lost)?;
+    let (emulated, _) = words(&session, Role::Emulated, &[])?;
     let emulated_frames = frames(&session, Role::Emulated)?;
     let emulated_summary = summary(&mut emulated_blobs, "emulated")?;
-    let native = words(&session, Role::Native)?;
+    let (native, native_cycles) = words(&session, Role::Native, timed)?;
     let native_frames = frames(&session, Role::Native)?;
     let real = reals(
         session
@@ -79,6 +88,8 @@ pub(crate) fn collect(session: Session) -> Result<Collected, Failure> {
         truths,
         emulated,
         native,
+        native_cycles,
+        signals,
         real,
         golden,
         golden_ideal,
@@ -92,20 +103,25 @@ pub(crate) fn collect(session: Session) -> Result<Collected, Failure> {
     })
 }
 
-fn words(session: &Session, role: Role) -> Result<Streams<i64>, Failure> {
+fn words(
+    session: &Session,
+    role: Role,
+    timed: &[usize],
+) -> Result<(Streams<i64>, Streams<u64>), Failure> {
     let records = session
         .reader(role, Nodes)
         .map_err(lost)?
         .collect()
         .map_err(lost)?;
-    let mut streams = Streams::new();
-    for NodeWord { value, node, .. } in records {
-        streams
-            .entry(usize::from(node))
-            .or_insert_with(Vec::new)
-            .push(value);
+    let (mut words, mut cycles) = (Streams::new(), Streams::new());
+    for NodeWord { value, node, cycle } in records {
+        let node = usize::from(node);
+        words.entry(node).or_insert_with(Vec::new).push(value);
+        if timed.contains(&node) {
+            cycles.entry(node).or_insert_with(Vec::new).push(cycle);
+        }
     }
-    Ok(streams)
+    Ok((words, cycles))
 }
 
 fn reals(records: Vec<NodeReal>) -> Streams<f64> {

@@ -1,10 +1,13 @@
 //! The emulated participant: the chip on its board; makes the conversions.
 
 use cardan_bench::{Conversion, Sink, SinkError, Truth};
-use cardan_link::stream::{Conversions, Frames, Nodes, Truth as Truths};
-use cardan_link::{NodeWord, Session, TruthSample, Writer};
+use cardan_emulator::Pin;
+use cardan_frontend::Inner;
+use cardan_link::stream::{Conversions, Frames, Nodes, Signals, Truth as Truths};
+use cardan_link::{NodeWord, Session, SignalValue, TruthSample, Writer};
 
 use super::{CONFIGURATION, SUMMARY, engine_failure, lost, node_index, to_link};
+use crate::dump::{Signal, Stage};
 use crate::failure::Failure;
 use crate::run_options::Setup;
 
@@ -17,6 +20,32 @@ struct Publisher {
     nodes: Writer<Nodes>,
     frames: Writer<Frames>,
     truths: Writer<Truths>,
+    signals: Writer<Signals>,
+    wanted: Wanted,
+}
+
+/// The signals to publish, with their numbers in the stream.
+#[derive(Default)]
+struct Wanted {
+    pins: Vec<(Pin, u16)>,
+    inner: Vec<(u8, Stage, u16)>,
+}
+
+impl Wanted {
+    fn new(signals: &[Signal]) -> Self {
+        let mut wanted = Self::default();
+        for signal in signals {
+            match (*signal, signal.published()) {
+                (Signal::Pin(pin), Some(number)) => wanted.pins.push((pin, number)),
+                (Signal::Inner(channel, stage), Some(number)) => {
+                    wanted.inner.push((channel, stage, number));
+                }
+                // The others are always published.
+                _ => {}
+            }
+        }
+        wanted
+    }
 }
 
 impl Sink for Publisher {
@@ -36,6 +65,30 @@ impl Sink for Publisher {
         Ok(self.frames.push(super::native::frame(cycle, bytes)?)?)
     }
 
+    fn pin(&mut self, cycle: u64, pin: Pin, level: bool) -> Result<(), SinkError> {
+        let Some(&(_, signal)) = self.wanted.pins.iter().find(|(wanted, _)| *wanted == pin) else {
+            return Ok(());
+        };
+        Ok(self.signals.push(SignalValue {
+            cycle,
+            value: f64::from(u8::from(level)),
+            signal,
+        })?)
+    }
+
+    fn inner(&mut self, cycle: u64, channel: u8, inner: &Inner) -> Result<(), SinkError> {
+        for &(wanted, stage, signal) in &self.wanted.inner {
+            if wanted == channel {
+                self.signals.push(SignalValue {
+                    cycle,
+                    value: stage.of(inner),
+                    signal,
+                })?;
+            }
+        }
+        Ok(())
+    }
+
     fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
         let [yaw_rad, pitch_rad, roll_rad] = truth.yaw_pitch_roll_rad.unwrap_or([f64::NAN; 3]);
         let sample = TruthSample {
@@ -48,8 +101,9 @@ impl Sink for Publisher {
     }
 }
 
-/// Runs the device and publishes everything it shows.
-pub(crate) fn run(session: Session, setup: &Setup) -> Result<(), Failure> {
+/// Runs the device and publishes everything it shows; pins and inner voltages as far as `signals`
+/// asks for them.
+pub(crate) fn run(session: Session, setup: &Setup, signals: &[Signal]) -> Result<(), Failure> {
     let (configuration, mut engine) = setup
         .app
         .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
@@ -62,7 +116,19 @@ pub(crate) fn run(session: Session, setup: &Setup) -> Result<(), Failure> {
         nodes: session.writer(Nodes).map_err(lost)?,
         frames: session.writer(Frames).map_err(lost)?,
         truths: session.writer(Truths).map_err(lost)?,
+        signals: session.writer(Signals).map_err(lost)?,
+        wanted: Wanted::new(signals),
     };
+    for &(_, signal) in &publisher.wanted.pins {
+        publisher
+            .signals
+            .push(SignalValue {
+                cycle: 0,
+                value: 0.0,
+                signal,
+            })
+            .map_err(lost)?;
+    }
     let summary = engine
         .run(&mut std::iter::empty(), &mut publisher)
         .map_err(engine_failure)?;
@@ -71,11 +137,14 @@ pub(crate) fn run(session: Session, setup: &Setup) -> Result<(), Failure> {
         nodes,
         frames,
         truths,
+        signals,
+        ..
     } = publisher;
     conversions.finish().map_err(lost)?;
     nodes.finish().map_err(lost)?;
     frames.finish().map_err(lost)?;
     truths.finish().map_err(lost)?;
+    signals.finish().map_err(lost)?;
     let mut text = serde_json::to_vec(&summary).map_err(Failure::participant)?;
     // Host times have more or fewer digits; padded, equal runs send equally many bytes.
     text.resize(text.len().next_multiple_of(SUMMARY_BLOCK), b' ');
