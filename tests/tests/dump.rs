@@ -21,7 +21,7 @@ const LSB_V: f64 = 5.0 / 1024.0;
 fn dump(file: &Path, arguments: &[&str]) {
     let file = file.to_str().expect("a path in UTF-8");
     let short = ["compare", "--scenario", "tumble-quiet", "--seconds", "0.3"];
-    let output = run(&[&short, &["--quiet", "--dump", file], arguments].concat());
+    let output = run(&[&short[..], &["--quiet", "--dump", file], arguments].concat());
     let code = output.status.code();
     assert!(matches!(code, Some(0 | 1)), "{code:?}: {}", stderr(&output));
 }
@@ -263,10 +263,13 @@ fn pins_have_a_row_per_edge_and_inner_voltages_are_those_of_the_chain() {
         assert_eq!(volts[at].0, low_pass[at].0);
         let expected = volts[0].1 + gain(last) * (low_pass[at].1 - low_pass[0].1);
         assert!((volts[at].1 - expected).abs() < 0.2 * LSB_V, "row {at}");
+        // Once the filters have settled the tumble is slow against them.
         let pair = 0.5 * (plus[at].1 - minus[at].1);
+        let is_settled = at >= 12 * 16;
         assert!(
-            (pair - low_pass[at].1).abs() < 0.1,
-            "row {at}: the tumble is slow"
+            !is_settled || (pair - low_pass[at].1).abs() < 0.1,
+            "row {at}: {pair} V, {} V",
+            low_pass[at].1
         );
     }
 }

@@ -35,7 +35,7 @@ const SECONDS: f64 = 0.2;
 /// Runs of our side: on a shared machine the shortest counts.
 const REPEATS: u32 = 20;
 /// Largest steps of ngspice in seconds.
-const STEPS: [f64; 4] = [1e-6, 0.5e-6, 0.25e-6, 0.125e-6];
+const STEPS: [f64; 3] = [1e-6, 0.5e-6, 0.25e-6];
 /// Cycles from one straight line of input to the next, as in the front end.
 const SPAN_CYCLES: u64 = 2 * PERIOD_CYCLES;
 /// Rise and fall time of the sources that stand for pins: under a hundredth of a clock cycle.
