@@ -10,7 +10,7 @@ use cardan_bench::app::Configuration;
 use cardan_bench::attitude::Attitude;
 use cardan_bench::image::Firmware;
 use cardan_bench::{App, Conversion, Engine, Sink, SinkError};
-use cardan_firmware::calibration::encode;
+use cardan_firmware::calibration::Settings;
 use cardan_scenario::Scenario;
 use cardan_spec::flags;
 use cardan_tests::{cardan, run, stderr};
@@ -172,7 +172,12 @@ fn board(name: &str) -> &'static Board {
 fn recording(configuration: &Configuration, items: &[u16]) -> TempDir {
     let folder = tempdir().expect("a temporary folder");
     let words: &[i32] = &configuration.calibration;
-    let mut bytes = encode(words.try_into().expect("all words")).to_vec();
+    let settings = Settings {
+        words: words.try_into().expect("all words"),
+        averaging: configuration.averaging(),
+        uncalibrated: false,
+    };
+    let mut bytes = settings.image().to_vec();
     bytes.extend(items.iter().flat_map(|item| item.to_le_bytes()));
     fs::write(folder.path().join("replay.in"), bytes).expect("the folder is ours");
     folder

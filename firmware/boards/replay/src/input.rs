@@ -1,6 +1,6 @@
 //! The recorded codes: [`FILE`], little-endian.
 //!
-//! First the calibration as it stands in EEPROM (`cardan_spec::calibration`), then 16-bit items to
+//! First the settings as they stand in EEPROM (`cardan_spec::calibration`), then 16-bit items to
 //! the end of the file: a conversion (bits 0..=9 the code, bit 15 set if it was triggered late), or,
 //! with bit 14 set, a byte that the serial line received (bits 0..=7).
 
@@ -50,8 +50,8 @@ impl Input {
         })
     }
 
-    /// The calibration, which comes first.
-    pub fn calibration(&mut self) -> io::Result<[u8; LEN]> {
+    /// The settings, which come first.
+    pub fn settings(&mut self) -> io::Result<[u8; LEN]> {
         let mut image = [0; LEN];
         for byte in &mut image {
             *byte = self.byte()?.ok_or(io::ErrorKind::UnexpectedEof)?;

@@ -17,7 +17,8 @@ use core::cell::{Cell, RefCell};
 use core::convert::Infallible;
 
 use cardan_datapath::Deployed;
-use cardan_firmware::averaging::Averager;
+use cardan_firmware::averaging::{Averager, Window};
+use cardan_firmware::calibration::Settings;
 use cardan_firmware::device::{Device, Solver, sample};
 use cardan_firmware::hal::{Serial, TriggeredAdc};
 use cardan_units::AdcCode;
@@ -44,15 +45,18 @@ fn replay() -> io::Result<()> {
         output: &output,
         received: &received,
     };
-    let mut averager = Averager::new(&m);
-    let mut device = Device::new(Solver::new(tap, &input.calibration()?), line, NoPin);
+    let settings = Settings::from_image(&input.settings()?);
+    let mut averager = Averager::new(&m, settings.averaging);
+    let mut window = Window::new(&m, settings.averaging);
+    let mut device = Device::new(Solver::new(tap, &settings), line, NoPin);
     while let Some(item) = input.next()? {
         match item {
             Item::Received(byte) => received.set(Some(byte)),
             Item::Conversion(mut conversion) => {
                 sample(&m, &mut averager, &mut conversion);
-                if let Some((sums, late)) = averager.take(&m) {
-                    device.solution(&sums, late);
+                let block = averager.take(&m);
+                if let Some(averages) = block.and_then(|block| window.add(&m, &block)) {
+                    device.solution(&averages);
                 }
             }
         }

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 
 use cardan_spec::calibration::LEN;
 use cardan_spec::frame::COMMAND_TEXT;
-use cardan_spec::timing::{CONVERSIONS_PER_SOLUTION, WARM_UP_SOLUTIONS};
+use cardan_spec::timing::{BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_spec::{CHANNELS, REFERENCE_V};
 
 use super::measure::{Measured, SOLUTIONS, TEXT_SOLUTIONS, voltage};
@@ -93,15 +93,16 @@ fn stack(image: &Path, runner: &[String]) -> Result<Option<u32>, Failure> {
         .ok_or_else(|| stopped(image, "its results have no end"))
 }
 
-/// The calibration of an erased EEPROM, binary solutions, and then solutions as text.
+/// The settings of an erased EEPROM (a solution per block), binary solutions, and then solutions as
+/// text.
 fn recording() -> Vec<u8> {
     let mut bytes = vec![0xff; LEN];
-    let binary = WARM_UP_SOLUTIONS as u64 + SOLUTIONS;
+    let binary = WARM_UP_BLOCKS as u64 + SOLUTIONS;
     for solution in 0..binary + TEXT_SOLUTIONS {
         if solution == binary {
             bytes.extend((RECEIVED | u16::from(COMMAND_TEXT)).to_le_bytes());
         }
-        for conversion in 0..CONVERSIONS_PER_SOLUTION {
+        for conversion in 0..BLOCK_CONVERSIONS {
             let channel = (conversion % CHANNELS) as u8;
             let share = voltage(solution, channel) / REFERENCE_V;
             let code = (share * CODES).min(CODES - 1.0) as u16;
