@@ -43,10 +43,11 @@ const EDGE_S: f64 = 0.5e-9;
 
 type Done<T> = Result<T, Box<dyn Error>>;
 
-/// Differences are given at the converter's pin in the instants at which it holds.
-struct Instant3 {
-    /// (H+ - H-)/2 times the gain that follows, and the pin's voltage, without its zero.
+/// What stands at the converter when it holds, without the zero of the last amplifier, in volts.
+struct AtHold {
+    /// (H+ - H-)/2 times the gain that follows.
     held: f64,
+    /// The pin's voltage.
     pin: f64,
 }
 
@@ -67,7 +68,7 @@ fn main() -> Done<()> {
         for step_s in STEPS {
             let file = folder.join(format!("{name}-{:.0}ns.cir", step_s * 1e9));
             let (theirs, cost) = chain.simulate(&file, step_s)?;
-            let worst = |of: fn(&Instant3) -> f64| {
+            let worst = |of: fn(&AtHold) -> f64| {
                 let pairs = ours[channel as usize].iter().zip(&theirs);
                 pairs
                     .map(|(a, b)| (of(a) - of(b)).abs())
@@ -102,7 +103,7 @@ fn check(scenario: &Scenario) -> Done<()> {
 fn exact(
     scenario: &Scenario,
     trajectory: &Arc<Trajectory>,
-) -> Done<([Vec<Instant3>; CHANNELS], f64)> {
+) -> Done<([Vec<AtHold>; CHANNELS], f64)> {
     let board = Frontend::new(scenario, 1, Arc::clone(trajectory))?;
     let mut best = f64::INFINITY;
     let mut values = Default::default();
@@ -115,11 +116,8 @@ fn exact(
     Ok((values, best / SECONDS))
 }
 
-fn run<S: Stimulus>(
-    board: &mut Frontend<S>,
-    scenario: &Scenario,
-) -> Done<[Vec<Instant3>; CHANNELS]> {
-    let mut values: [Vec<Instant3>; CHANNELS] = Default::default();
+fn run<S: Stimulus>(board: &mut Frontend<S>, scenario: &Scenario) -> Done<[Vec<AtHold>; CHANNELS]> {
+    let mut values: [Vec<AtHold>; CHANNELS] = Default::default();
     let gain = output_gain(scenario);
     let mut conversion = 0;
     for half in 0..(SECONDS * CPU_HZ as f64) as u64 / HALF_CARRIER_CYCLES {
@@ -130,7 +128,7 @@ fn run<S: Stimulus>(
                 let channel = Channel::ALL[index];
                 board.voltage(Cycles(hold), channel)?;
                 let inner = board.inner(channel);
-                values[index].push(Instant3 {
+                values[index].push(AtHold {
                     held: 0.5 * gain * (inner.hold_v[0] - inner.hold_v[1]),
                     pin: gain * inner.low_pass_v,
                 });
@@ -199,7 +197,7 @@ impl Circuit {
 
     /// Runs ngspice; values at the hold instants (ngspice interpolates between its steps; the held
     /// voltages and the low-pass's output are smooth there), and user time per simulated second.
-    fn simulate(&self, netlist: &Path, step_s: f64) -> Done<(Vec<Instant3>, f64)> {
+    fn simulate(&self, netlist: &Path, step_s: f64) -> Done<(Vec<AtHold>, f64)> {
         let results = netlist.with_extension("txt");
         let text = format!(
             "{}.tran {:e} {:e} {:e} {step_s:e} uic\n.save v(hp) v(hm) v(lp)\n.control\nrun\n\
@@ -232,7 +230,7 @@ impl Circuit {
     }
 
     /// Rows of time, H+, H-, low-pass.
-    fn instants(&self, text: &str) -> Done<Vec<Instant3>> {
+    fn instants(&self, text: &str) -> Done<Vec<AtHold>> {
         let mut values = Vec::new();
         for line in text.lines() {
             let numbers: Vec<f64> = line
@@ -242,7 +240,7 @@ impl Circuit {
             let [_, plus, minus, low_pass] = numbers[..] else {
                 return Err(format!("expected four numbers, not {line:?}").into());
             };
-            values.push(Instant3 {
+            values.push(AtHold {
                 held: 0.5 * self.gain * (plus - minus),
                 pin: self.gain * low_pass,
             });
