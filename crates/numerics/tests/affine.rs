@@ -195,7 +195,12 @@ fn assert_datapath<A: Datapath>(datapath: &A, steps: &[Vec<i32>], formats: &[For
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(1500))]
+    // Runs in which the real interpretation meets a format's end are drawn again.
+    #![proptest_config(ProptestConfig {
+        cases: 1500,
+        max_global_rejects: 100_000,
+        ..ProptestConfig::default()
+    })]
 
     #[test]
     fn no_word_of_any_tape_leaves_its_affine_bounds(
