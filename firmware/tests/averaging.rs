@@ -54,7 +54,7 @@ fn codes(averaging: Averaging, periods: usize, seed: u32) -> Vec<AdcCode> {
         state ^= state >> 17;
         state ^= state << 5;
         let code = (state >> 8) as u16 % 1024;
-        let is_rare = state % 997 == 0;
+        let is_rare = state.is_multiple_of(997);
         AdcCode(if is_rare { code } else { code.clamp(1, 1022) })
     };
     (0..count).map(&mut next).collect()

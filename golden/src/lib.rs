@@ -19,7 +19,7 @@ pub mod orders;
 pub mod rotation;
 pub mod solve;
 
-pub use likelihood::{Estimate, Noise, maximum_likelihood};
+pub use likelihood::{Estimate, Noise, cramer_rao, maximum_likelihood};
 pub use model::Golden;
 pub use rotation::{
     Angles, Attitude, EarthField, Readings, angles_of, codes_of, ideal_readings, rotation_angle,

@@ -62,13 +62,6 @@ pub fn maximum_likelihood(
         };
         let attitude = turned(&estimate.attitude, &step);
         let cost = cost(readings, earth, noise, &attitude);
-        eprintln!(
-            "{} {damping:e} {:e} {:e} {}",
-            estimate.steps,
-            step.norm(),
-            cost - estimate.cost,
-            cost
-        );
         estimate.converged = step.norm() < NEGLIGIBLE_STEP;
         if cost <= estimate.cost {
             estimate.attitude = attitude;
@@ -119,6 +112,30 @@ fn turned(attitude: &Attitude, w: &Vector3<f64>) -> Attitude {
     (Matrix3::identity() - cross * sinc + cross * cross * versinc) * attitude
 }
 
+/// Derivatives of the readings over their standard deviations, by a small rotation of the body.
+fn jacobian(earth: EarthField, noise: Noise, attitude: &Attitude) -> Matrix4x3<f64> {
+    let down = attitude.column(2).into_owned();
+    let field = attitude.column(0) * earth.horizontal + down * earth.vertical;
+    // d(v)/dw of -w x v = v x w is the cross matrix of v; two of its rows are measured.
+    let tilt_rows = down.cross_matrix() / noise.tilt;
+    let field_rows = field.cross_matrix() / noise.field;
+    Matrix4x3::from_rows(&[
+        tilt_rows.row(0).into_owned(),
+        tilt_rows.row(1).into_owned(),
+        field_rows.row(0).into_owned(),
+        field_rows.row(1).into_owned(),
+    ])
+}
+
+/// The Cramer-Rao bound: the least mean square of the rotation angle, in radians squared, that any
+/// unbiased estimate from readings with this noise can have; `None` where they leave a rotation open.
+#[must_use]
+pub fn cramer_rao(earth: EarthField, noise: Noise, attitude: &Attitude) -> Option<f64> {
+    let jacobian = jacobian(earth, noise, attitude);
+    let information = jacobian.transpose() * jacobian;
+    Some(information.try_inverse()?.trace())
+}
+
 /// The step that solves (J'J + damping (diag(J'J) + 1)) w = J' r; `None` where that is singular,
 /// which it cannot be once damped.
 fn damped_step(
@@ -128,17 +145,7 @@ fn damped_step(
     attitude: &Attitude,
     damping: f64,
 ) -> Option<Vector3<f64>> {
-    let down = attitude.column(2).into_owned();
-    let field = attitude.column(0) * earth.horizontal + down * earth.vertical;
-    // d(v)/dw of -w x v = v x w is the cross matrix of v; two of its rows are measured.
-    let tilt_rows = down.cross_matrix() / noise.tilt;
-    let field_rows = field.cross_matrix() / noise.field;
-    let jacobian = Matrix4x3::from_rows(&[
-        tilt_rows.row(0).into_owned(),
-        tilt_rows.row(1).into_owned(),
-        field_rows.row(0).into_owned(),
-        field_rows.row(1).into_owned(),
-    ]);
+    let jacobian = jacobian(earth, noise, attitude);
     let mut normal = jacobian.transpose() * jacobian;
     for axis in 0..3 {
         normal[(axis, axis)] += damping * (normal[(axis, axis)] + 1.0);

@@ -4,6 +4,7 @@
 //! once. An [`App`] is an algorithm with its board, golden model and nodes; an [`Engine`] runs it in
 //! one of its interpretations and shows what happens to a [`Sink`].
 
+pub mod accuracy;
 pub mod app;
 pub mod attitude;
 pub mod calibration;
