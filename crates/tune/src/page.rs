@@ -102,8 +102,17 @@ fn candidates(outcome: &Outcome) -> Markup {
             (row(&outcome.baseline))
             @if let Some(uniform) = &outcome.best_uniform { (row(uniform)) }
             (row(&outcome.best))
+            @for other in outcome.measured.iter().filter(|other| is_other(outcome, other)) {
+                (row(other))
+            }
         }
     }
+}
+
+/// Measured beside the result and the best uniform width.
+fn is_other(outcome: &Outcome, candidate: &Candidate) -> bool {
+    let shown = outcome.best_uniform.iter().chain([&outcome.best]);
+    shown.into_iter().all(|shown| shown.name != candidate.name)
 }
 
 /// Bits over the logarithm of the error.

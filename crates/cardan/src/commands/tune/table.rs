@@ -20,12 +20,9 @@ pub(super) fn render(outcome: &Outcome) -> String {
     }
     row(&mut out, &outcome.best, outcome.baseline.bits);
     if let Some(uniform) = &outcome.best_uniform {
-        let saved = 100.0 * (1.0 - outcome.best.bits as f64 / uniform.bits as f64);
-        let _ = writeln!(
-            out,
-            "{saved:.1} % fewer bits than the best uniform word length"
-        );
+        against_uniform(&mut out, outcome, uniform);
     }
+    measured(&mut out, &outcome.measured);
     for reached in &outcome.best.reached {
         let value = reached
             .value
@@ -88,6 +85,50 @@ fn row(out: &mut String, candidate: &Candidate, baseline: u64) {
         "{:<20} {:>6} {saved:>6.1}% {cycles:>10} {error:>12}",
         candidate.name, candidate.bits
     );
+}
+
+/// What was tuned for, beside the best uniform word length.
+fn against_uniform(out: &mut String, outcome: &Outcome, uniform: &Candidate) {
+    let best = &outcome.best;
+    let (what, ratio) = match (outcome.cost, best.cycles, uniform.cycles) {
+        ("cycles", Some(best), Some(uniform)) => ("cycles", best / uniform),
+        ("area", ..) => match (best.area, uniform.area) {
+            (Some(best), Some(uniform)) => ("area", best / uniform),
+            _ => return,
+        },
+        ("bits", ..) => ("bits", best.bits as f64 / uniform.bits as f64),
+        _ => return,
+    };
+    let saved = 100.0 * (1.0 - ratio);
+    let _ = writeln!(
+        out,
+        "{saved:.1} % less {what} than the best uniform word length"
+    );
+}
+
+/// Candidates that were built, with how far off the model's estimates are.
+fn measured(out: &mut String, candidates: &[Candidate]) {
+    if !candidates.is_empty() {
+        let _ = writeln!(
+            out,
+            "measured on the target   cycles  estimated  model error    flash      RAM"
+        );
+    }
+    for candidate in candidates {
+        let (Some(cycles), Some(estimated)) = (candidate.cycles, candidate.cycles_estimated) else {
+            continue;
+        };
+        let error = 100.0 * (estimated / cycles - 1.0);
+        let bytes =
+            |bytes: Option<f64>| bytes.map_or("-".to_owned(), |bytes| format!("{bytes:.0}"));
+        let _ = writeln!(
+            out,
+            "  {:<20} {cycles:>8.0} {estimated:>10.0} {error:>+10.1} % {:>8} {:>8}",
+            candidate.name,
+            bytes(candidate.flash),
+            bytes(candidate.ram)
+        );
+    }
 }
 
 fn shares(out: &mut String, outcome: &Outcome) {
