@@ -144,7 +144,9 @@ fn front(outcome: &Outcome) -> Markup {
                     circle.bar cx=(px) cy=(py) r="5" {
                         title { "limits x " (point.2) ": " (point.1) " bits" }
                     }
-                    text x=(px + 8.0) y=(py - 6.0) {
+                    // Beside the point, on the side where there is room.
+                    @let (at, anchor) = if px < 500.0 { (px + 8.0, "start") } else { (px - 8.0, "end") };
+                    text x=(at) y=(py - 6.0) text-anchor=(anchor) {
                         (point.1) " bits, " (format!("{:.2e}", libm::pow(10.0, point.0)))
                     }
                 }

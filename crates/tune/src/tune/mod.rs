@@ -142,7 +142,15 @@ impl Run<'_> {
             formats.clone_from(uniform);
         }
         let feasible = feasible || uniform.is_some();
+        let mut pareto = Vec::new();
         if feasible {
+            pareto = self.pareto(&levels, progress);
+            // A search that was ended early may be behind its own front.
+            let within = pareto.iter().filter(|point| point.limit_factor <= 1.0);
+            let cheapest = within.min_by(|a, b| a.cost.total_cmp(&b.cost));
+            if let Some(point) = cheapest.filter(|point| point.cost < self.cost(&formats)) {
+                formats = point.formats.0.iter().map(|(_, format)| *format).collect();
+            }
             self.relax(&mut formats);
         }
         let mut best = self.candidate("best", &formats);
@@ -175,11 +183,9 @@ impl Run<'_> {
             .map(|r| r.constraint.clone());
         let feasible = feasible && on_target_missed.is_none();
         let binding = (!feasible).then(|| worst(&best)).flatten();
-        let pareto = if feasible {
-            self.pareto(&levels, progress)
-        } else {
-            Vec::new()
-        };
+        if !feasible {
+            pareto.clear();
+        }
         let verification = self.verify(&formats);
         let verified = verification.iter().all(|case| case.pass);
         if feasible && !verified {
