@@ -62,3 +62,15 @@ pub fn run<S: AsRef<std::ffi::OsStr>>(arguments: &[S]) -> Output {
 pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
+
+/// The run was refused as bad input, with exit code 2 and a message that says all of `parts`.
+///
+/// # Panics
+/// When it was not.
+pub fn assert_refused(output: &Output, parts: &[&str]) {
+    let said = stderr(output);
+    assert_eq!(output.status.code(), Some(2), "{parts:?}: {said}");
+    for part in parts {
+        assert!(said.contains(part), "says {said:?}, not {part:?}");
+    }
+}

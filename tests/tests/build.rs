@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::{Command, Output};
 
-use cardan_tests::{cardan, root, run, stderr};
+use cardan_tests::{assert_refused, cardan, root, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
@@ -160,14 +160,7 @@ fn what_build_cannot_use_is_refused_by_name() {
         ),
     ] {
         let output = run(&[&["build"], arguments].concat());
-        let said = stderr(&output);
-        assert_eq!(output.status.code(), Some(2), "{arguments:?}: {said}");
-        for part in parts {
-            assert!(
-                said.contains(part),
-                "{arguments:?} says {said:?}, not {part:?}"
-            );
-        }
+        assert_refused(&output, parts);
     }
 }
 

@@ -177,7 +177,7 @@ fn averaging(length: usize) -> Result<Averaging, String> {
     });
     found.ok_or_else(|| {
         format!(
-            "--averaging {length}: the device averages powers of two from 1 to 4096 conversions"
+            "averages of {length}: the device averages powers of two from 1 to 4096 conversions"
         )
     })
 }

@@ -1,12 +1,13 @@
 //! The result as a page of its own: front, shares of the error, histograms against the formats.
 
+use cardan_datapath::Format;
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 
 use crate::outcome::{Candidate, Outcome};
 use crate::ranges::NodeRange;
 use crate::ranges_page::ranges_table;
 
-pub(crate) const STYLE: &str = "body{font:14px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;color:#1d2733;\
+const STYLE: &str = "body{font:14px/1.45 system-ui,sans-serif;margin:2em auto;max-width:70em;color:#1d2733;\
 background:#fff}table{border-collapse:collapse}td,th{padding:.2em .8em;text-align:right;border-bottom:1px \
 solid #dde3ea}td:first-child,th:first-child{text-align:left}h2{margin-top:2em}.bar{fill:#3f78b5}.out{fill:\
 #c4472f}.low{fill:#b9c3cf}.miss{color:#a3311d}.ok{color:#24713c}text{font:11px system-ui;fill:#46525f}\
@@ -16,7 +17,25 @@ solid #dde3ea}td:first-child,th:first-child{text-align:left}h2{margin-top:2em}.b
 /// The page, self-contained.
 #[must_use]
 pub fn page(outcome: &Outcome, title: &str, command: &str) -> String {
-    let body = html! {
+    let pairs = outcome.ranges.iter().zip(&outcome.best.formats.0);
+    let content = html! {
+        (verdict(outcome))
+        (candidates(outcome))
+        h2 { "Cost against error" }
+        (front(outcome))
+        h2 { "Shares of the rounding error" }
+        (shares(outcome))
+        h2 { "Ranges" }
+        p { "In the deployed formats." }
+        (ranges_table(&outcome.ranges))
+        (histograms(pairs.map(|(range, (_, format))| (range, *format))))
+    };
+    document(title, command, &content)
+}
+
+/// A whole page around its content.
+pub(crate) fn document(title: &str, command: &str, content: &Markup) -> String {
+    let page = html! {
         (DOCTYPE)
         html lang="en" {
             head {
@@ -28,25 +47,21 @@ pub fn page(outcome: &Outcome, title: &str, command: &str) -> String {
             body {
                 h1 { (title) }
                 p { code { (command) } }
-                (verdict(outcome))
-                (candidates(outcome))
-                h2 { "Cost against error" }
-                (front(outcome))
-                h2 { "Shares of the rounding error" }
-                (shares(outcome))
-                h2 { "Ranges" }
-                p { "In the deployed formats." }
-                (ranges_table(&outcome.ranges))
-                h2 { "Values against formats" }
-                p { "Simulated magnitudes by bit weight. Blue: within the word; grey: under half its last \
-                     place; red: above its range." }
-                @for (range, (_, format)) in outcome.ranges.iter().zip(&outcome.best.formats.0) {
-                    (histogram(range, *format))
-                }
+                (content)
             }
         }
     };
-    body.into_string()
+    page.into_string()
+}
+
+/// The simulated values of nodes against their formats.
+pub(crate) fn histograms<'a>(nodes: impl Iterator<Item = (&'a NodeRange, Format)>) -> Markup {
+    html! {
+        h2 { "Values against formats" }
+        p { "Simulated magnitudes by bit weight. Blue: within the word; grey: under half its last \
+             place; red: above its range." }
+        @for (range, format) in nodes { (histogram(range, format)) }
+    }
 }
 
 fn verdict(outcome: &Outcome) -> Markup {
@@ -178,7 +193,7 @@ fn shares(outcome: &Outcome) -> Markup {
     }
 }
 
-pub(crate) fn histogram(range: &NodeRange, format: cardan_datapath::Format) -> Markup {
+fn histogram(range: &NodeRange, format: Format) -> Markup {
     let most = range
         .histogram
         .iter()

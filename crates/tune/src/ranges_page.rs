@@ -2,38 +2,22 @@
 //! simulated values against the formats.
 
 use cardan_datapath::{Format, Overflow, Rounding};
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::{Markup, html};
 
-use crate::page::{STYLE, histogram};
+use crate::page::{document, histograms};
 use crate::ranges::{NodeRange, Ranges};
 
 /// The page, self-contained.
 #[must_use]
 pub fn ranges_page(found: &Ranges, title: &str, command: &str) -> String {
     let proven = found.nodes.iter().filter(|node| node.proven).count();
-    let body = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width";
-                title { (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                h1 { (title) }
-                p { code { (command) } }
-                p { (found.steps) " solutions simulated; " (proven) " of " (found.nodes.len())
-                    " nodes proven never to overflow, whatever the inputs." }
-                (ranges_table(&found.nodes))
-                h2 { "Values against formats" }
-                p { "Simulated magnitudes by bit weight. Blue: within the word; grey: under half its last \
-                     place; red: above its range." }
-                @for range in &found.nodes { (histogram(range, format(range))) }
-            }
-        }
+    let content = html! {
+        p { (found.steps) " solutions simulated; " (proven) " of " (found.nodes.len())
+            " nodes proven never to overflow, whatever the inputs." }
+        (ranges_table(&found.nodes))
+        (histograms(found.nodes.iter().map(|range| (range, format(range)))))
     };
-    body.into_string()
+    document(title, command, &content)
 }
 
 /// Per node what is simulated, derived and proven.

@@ -29,7 +29,7 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
     /// Conversions averaged, powers of two from 1 to 4096, separated by commas
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values_t = [1, 64])]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values_t = [1, 64], value_parser = averaging)]
     averaging: Vec<usize>,
     /// Largest tilt in degrees, 0 to 75
     #[arg(long, value_name = "DEGREES", default_value_t = 60.0, value_parser = tilt)]
@@ -48,6 +48,13 @@ enum Published {
     Field,
     /// All.
     Both,
+}
+
+fn averaging(text: &str) -> Result<usize, String> {
+    let length = text.parse().ok();
+    length
+        .filter(|length: &usize| length.is_power_of_two() && *length <= 4096)
+        .ok_or_else(|| "expected a power of two from 1 to 4096".to_owned())
 }
 
 fn tilt(text: &str) -> Result<f64, String> {
