@@ -44,7 +44,8 @@ pub(crate) struct RunOptions {
     /// Simulated seconds (a recording may end the run earlier)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) seconds: Option<f64>,
-    /// Gives a numeric scenario parameter another value; may be repeated
+    /// Gives a numeric scenario parameter another value, or turns a switch (noise.enabled,
+    /// sensors.third_tilt) to true or false; may be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
     pub(crate) set: Vec<(String, f64)>,
     /// Seed of every random number
@@ -211,11 +212,11 @@ fn setting(text: &str) -> Result<(String, f64), String> {
     let expected =
         || "expected KEY=VALUE with a finite number, for example climate.start_k=358.15".to_owned();
     let (key, value) = text.split_once('=').ok_or_else(expected)?;
-    let value = value
-        .trim()
-        .parse()
-        .ok()
-        .filter(|value: &f64| value.is_finite());
+    let value = match value.trim() {
+        "true" => Some(1.0),
+        "false" => Some(0.0),
+        number => number.parse().ok().filter(|value: &f64| value.is_finite()),
+    };
     Ok((key.trim().to_owned(), value.ok_or_else(expected)?))
 }
 

@@ -6,6 +6,9 @@
 //! and the group delay. The controller pushes edges in cycle order and asks for the voltage of a pin
 //! at an exact cycle; a channel is advanced only then, by matrix exponentials from event to event.
 //!
+//! A third tilt channel along body z, where the scenario fits it, is a chain of the same kind beside
+//! the four: it ends at the controller's comparator ([`Frontend::third_tilt`]).
+//!
 //! What is approximated: the sensors' inputs run straight between their exact values every 125 us.
 //! That is h^2/8 times their second derivative, under 1e-6 V for motion of 1 Hz over the whole
 //! scale (steps held at mid-interval cost 7e-6 V: with a reversing drive they make a force in
@@ -37,6 +40,8 @@ pub use error::Error;
 pub use saturation::{Saturation, Stage};
 pub use switching::Pin;
 
+use design::ChainDesign;
+
 use channel::{Channel, Inputs, Plan, SPAN_CYCLES, Unit};
 use sampler::Sampler;
 use switching::{Edge, EdgeQueue};
@@ -45,10 +50,14 @@ use switching::{Edge, EdgeQueue};
 /// if nobody asks for a voltage.
 const MOST_WAITING: usize = 8192;
 
-/// The board's analog side with its four channels.
+/// Number of the third tilt channel among the sources of noise: behind the converter's.
+const THIRD: u8 = CHANNELS as u8;
+
+/// The board's analog side with its four channels, and the third tilt axis where fitted.
 #[derive(Clone, Debug)]
 pub struct Frontend<S> {
     channels: [Channel; CHANNELS],
+    third: Option<Channel>,
     design: Design,
     inputs: Inputs<S>,
     edges: EdgeQueue,
@@ -72,10 +81,16 @@ impl<S: Stimulus> Frontend<S> {
         let first = *inputs.at(0);
         let channels = Name::ALL
             .map(|name| Channel::new(plan(scenario, &design, name), seed, name as u8, &first));
+        let third = scenario.sensors.third_tilt.then(|| {
+            let unit = tilt(&scenario.sensors, Axis::Z);
+            let plan = build(scenario, unit, design.tilt, Pin::Strobe);
+            Channel::new(plan, seed, THIRD, &first)
+        });
         let sampler = Sampler::new(&scenario.adc)?;
         let (edges, levels) = (EdgeQueue::default(), [false; 2]);
         Ok(Self {
             channels,
+            third,
             design,
             inputs,
             edges,
@@ -130,14 +145,38 @@ impl<S: Stimulus> Frontend<S> {
         }
         self.reached = self.reached.max(cycle.0);
         let volts = channel.voltage(cycle.0, &self.edges, &mut self.inputs);
-        self.edges.drop_before(
-            self.channels
-                .iter()
-                .map(Channel::next_edge)
-                .min()
-                .unwrap_or(0),
-        );
+        // The third axis is read seldom; it follows by whole spans, while inputs are remembered.
+        let spans = cycle.0 / SPAN_CYCLES * SPAN_CYCLES;
+        if let Some(third) = &mut self.third
+            && third.now() < spans
+        {
+            third.advance(spans, &self.edges, &mut self.inputs);
+        }
+        self.drop_used_edges();
         Ok(Volts(self.sampler.take(volts)))
+    }
+
+    /// Voltage of the third tilt channel at `cycle`, which a comparator's input does not load: above
+    /// mid supply where the specific force along body z is positive, which at rest is upside down.
+    /// `None` where the scenario fits no third axis.
+    ///
+    /// # Errors
+    /// `cycle` lies before an earlier reading of this channel, or before an edge that the channel
+    /// has already passed.
+    pub fn third_tilt(&mut self, cycle: Cycles) -> Result<Option<Volts>, Error> {
+        let Some(channel) = &mut self.third else {
+            return Ok(None);
+        };
+        if cycle.0 < channel.now() {
+            return Err(Error::OutOfOrder {
+                cycle: cycle.0,
+                reached: channel.now(),
+            });
+        }
+        self.reached = self.reached.max(cycle.0);
+        let volts = channel.voltage(cycle.0, &self.edges, &mut self.inputs);
+        self.drop_used_edges();
+        Ok(Some(Volts(volts)))
     }
 
     /// Voltages inside a channel in the instant of its last reading.
@@ -146,7 +185,8 @@ impl<S: Stimulus> Frontend<S> {
         self.channels[name as usize].inner()
     }
 
-    /// Every stage that left its linear range, with channel, first cycle and count.
+    /// Every stage that left its linear range, with channel, first cycle and count. (Not those of the
+    /// third tilt axis: only its sign counts, which saturation keeps.)
     #[must_use]
     pub fn saturations(&self) -> Vec<Saturation> {
         let each = self.channels.iter().zip(Name::ALL);
@@ -168,18 +208,18 @@ impl<S: Stimulus> Frontend<S> {
     /// Advances every channel to the last whole span before the latest edge.
     fn catch_up(&mut self) {
         let cycle = self.reached / SPAN_CYCLES * SPAN_CYCLES;
-        for channel in &mut self.channels {
+        for channel in self.channels.iter_mut().chain(&mut self.third) {
             if channel.now() < cycle {
                 channel.advance(cycle, &self.edges, &mut self.inputs);
             }
         }
-        self.edges.drop_before(
-            self.channels
-                .iter()
-                .map(Channel::next_edge)
-                .min()
-                .unwrap_or(0),
-        );
+        self.drop_used_edges();
+    }
+
+    fn drop_used_edges(&mut self) {
+        let channels = self.channels.iter().chain(&self.third);
+        self.edges
+            .drop_before(channels.map(Channel::next_edge).min().unwrap_or(0));
     }
 }
 
@@ -220,6 +260,10 @@ fn plan(scenario: &Scenario, design: &Design, name: Name) -> Plan {
         Name::FieldX => (field(sensors, Axis::X), design.field, Pin::Carrier),
         Name::FieldY => (field(sensors, Axis::Y), design.field, Pin::Carrier),
     };
+    build(scenario, unit, design, strobe)
+}
+
+fn build(scenario: &Scenario, unit: Unit, design: ChainDesign, strobe: Pin) -> Plan {
     let (parameters, noisy) = (scenario.frontend.clone(), scenario.noise.enabled);
     let clock_hz = scenario.clock_hz();
     Plan {

@@ -298,3 +298,61 @@ fn the_bits_of_a_noisy_run_are_the_same_on_every_host_and_in_every_build() {
 
 /// See the test above.
 const RECORDED_BITS: u64 = 0x295c_fb22_53aa_c7f8;
+
+/// A board read by its converter every 2000 cycles, and its third axis at the end of every 64 of them.
+fn third_axis(scenario: &Scenario, force_z: f64, read_channels: bool) -> Vec<f64> {
+    let stimulus = Script(move |t: f64| Experience {
+        specific_force_g: [0.3 * t, 0.0, force_z],
+        ..Experience::default()
+    });
+    let mut board = Frontend::new(scenario, 1, stimulus).expect("a working design");
+    let mut next = 0;
+    let mut voltages = Vec::new();
+    for conversion in 1..=64 * 50 {
+        let cycle = conversion * 2000 + 509;
+        clock(&mut board, &mut next, cycle);
+        if read_channels {
+            let channel = Channel::ALL[conversion as usize % 4];
+            board.voltage(Cycles(cycle), channel).expect("in order");
+        }
+        if conversion % 64 == 0 {
+            let read = board.third_tilt(Cycles(cycle + 77)).expect("in order");
+            voltages.extend(read.map(|volts| volts.0));
+        }
+    }
+    voltages
+}
+
+#[test]
+fn the_third_axis_shows_the_force_along_body_z_where_it_is_fitted_and_nothing_otherwise() {
+    let mut scenario = quiet();
+    assert_eq!(third_axis(&scenario, -1.0, true), []);
+    scenario.sensors.third_tilt = true;
+    scenario.sensors.accelerometer.offset_z_mg = 30.0;
+    scenario.sensors.accelerometer.sensitivity_error_z = -0.1;
+    for force_z in [-1.0, 0.2, 1.0] {
+        let expected = 2.5 * (1.0 + (0.9 * force_z + 0.03) / TILT_FULL_SCALE_G);
+        let found = *third_axis(&scenario, force_z, true).last().expect("read");
+        assert!((found - expected).abs() < 3e-6, "{force_z}: {found}");
+    }
+}
+
+#[test]
+fn the_third_axis_has_noise_of_its_own_and_changes_none_of_the_others() {
+    let mut scenario = Scenario::default();
+    let level = || constant(0.3, 20.0);
+    let times = || (0..200).map(|k| 0.3 + 0.5e-3 * f64::from(k));
+    let others = |scenario: &Scenario| {
+        Channel::ALL.map(|channel| voltages(scenario, 5, level(), channel, times()))
+    };
+    let without = others(&scenario);
+    scenario.sensors.third_tilt = true;
+    assert_eq!(others(&scenario), without);
+    let read = third_axis(&scenario, 0.0, true);
+    assert!(
+        read.iter().any(|volts| (volts - read[0]).abs() > 1e-4),
+        "noise"
+    );
+    // Reading the other channels in between moves nothing.
+    assert_eq!(third_axis(&scenario, 0.0, false), read);
+}

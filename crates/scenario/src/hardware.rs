@@ -9,7 +9,8 @@ use crate::parameter::Origin::{Assumed, Published, Setting};
 use crate::parameter::parameters;
 
 parameters! {
-    /// Convective accelerometer: two of them, along body x and y.
+    /// Convective accelerometer: two of them, along body x and y, and a third along z where it is
+    /// fitted (`sensors.third_tilt`).
     pub struct Accelerometer at "sensors.accelerometer" {
         /// Convection of the gas in the cavity, first-order lag.
         convection_bandwidth_hz = 100.0, "Hz", 1.0 => 1e4,
@@ -23,6 +24,8 @@ parameters! {
         sensitivity_error_x = 0.0, "1", -0.5 => 0.5, Assumed("a unit as designed");
         /// Relative deviation of this unit's sensitivity from design, body y.
         sensitivity_error_y = 0.0, "1", -0.5 => 0.5, Assumed("a unit as designed");
+        /// Relative deviation of this unit's sensitivity from design, body z where fitted.
+        sensitivity_error_z = 0.0, "1", -0.5 => 0.5, Assumed("a unit as designed");
         /// Cubic term: the signal is a + cubic a^3.
         cubic_per_g2 = 0.0, "1/g^2", -0.2 => 0.2,
             Assumed("linear; [MIL] gives under 0.5 % over +-90 degrees of tilt, i.e. up to 0.005");
@@ -31,6 +34,9 @@ parameters! {
             Assumed("trimmed; [MXC25] gives under 50 mg before trimming");
         /// Zero-g offset of body y.
         offset_y_mg = 0.0, "mg", -500.0 => 500.0,
+            Assumed("trimmed; [MXC25] gives under 50 mg before trimming");
+        /// Zero-g offset of body z where fitted.
+        offset_z_mg = 0.0, "mg", -500.0 => 500.0,
             Assumed("trimmed; [MXC25] gives under 50 mg before trimming");
         /// Offset drift with ambient temperature, away from 293.15 K.
         offset_drift_mg_per_k = 1.5, "mg/K", -20.0 => 20.0,

@@ -28,9 +28,16 @@ pub fn print_scenario(scenario: &Scenario) -> String {
     out.parameters(&scenario.clock.list());
     field_table(&mut out, scenario);
     let s = &scenario.sensors;
+    out.table("sensors", "Which sensors are fitted besides two of each.");
+    out.key(
+        "A third accelerometer, along body z, on the controller's analog comparator: it tells upright\n\
+         from upside down, so that solutions hold in every attitude (default false).",
+        "third_tilt",
+        s.third_tilt,
+    );
     out.table(
         "sensors.accelerometer",
-        "Convective accelerometers along body x and y.",
+        "Convective accelerometers along body x and y (and z where fitted).",
     );
     out.parameters(&s.accelerometer.list());
     out.table(

@@ -183,6 +183,9 @@ impl Field {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensors {
+    /// A third accelerometer, along body z, on the controller's analog comparator. It tells upright
+    /// from upside down, which two tilt axes cannot.
+    pub third_tilt: bool,
     /// Convective accelerometers.
     pub accelerometer: Accelerometer,
     /// Lorentz magnetometers.
@@ -339,6 +342,15 @@ impl Scenario {
         tables.iter().flat_map(|table| table.list()).collect()
     }
 
+    /// Switches, which [`Scenario::set`] takes as 0 or 1.
+    fn switch_mut(&mut self, key: &str) -> Option<&mut bool> {
+        match key {
+            "sensors.third_tilt" => Some(&mut self.sensors.third_tilt),
+            "noise.enabled" => Some(&mut self.noise.enabled),
+            _ => None,
+        }
+    }
+
     /// The numeric parameter of that full key, such as `sensors.magnetometer.quality`.
     ///
     /// # Errors
@@ -359,11 +371,19 @@ impl Scenario {
             })
     }
 
-    /// Sets the numeric parameter of that full key; [`Scenario::check`] tells if it is admissible.
+    /// Sets the numeric parameter of that full key ([`Scenario::check`] tells if it is admissible), or
+    /// a switch: 1 is on, 0 off.
     ///
     /// # Errors
-    /// There is no such parameter.
+    /// There is no such parameter, or a switch is to be neither on nor off.
     pub fn set(&mut self, key: &str, value: f64) -> Result<(), Error> {
+        if let Some(switch) = self.switch_mut(key) {
+            if value != 0.0 && value != 1.0 {
+                return Err(range(key, value, "true (1) or false (0)"));
+            }
+            *switch = value == 1.0;
+            return Ok(());
+        }
         let Parameter { section, key, .. } = self.get(key)?;
         let table: &mut dyn Parameters = match section {
             "motion.tumble" => &mut self.motion.tumble,

@@ -242,3 +242,22 @@ fn the_seed_changes_the_tumble() {
     assert_eq!(at(1), at(1));
     assert_ne!(at(1), at(2));
 }
+
+#[test]
+fn switches_are_set_by_1_and_0_alone_and_survive_the_printed_page() {
+    let mut scenario = Scenario::default();
+    assert!(!scenario.sensors.third_tilt && scenario.noise.enabled);
+    scenario.set("sensors.third_tilt", 1.0).expect("a switch");
+    scenario.set("noise.enabled", 0.0).expect("a switch");
+    assert!(scenario.sensors.third_tilt && !scenario.noise.enabled);
+    let page = print_scenario(&scenario);
+    let read = Scenario::parse(&page, "page.toml", "page").expect("reads back");
+    assert!(read.sensors.third_tilt && !read.noise.enabled);
+    let error = scenario
+        .set("sensors.third_tilt", 0.5)
+        .expect_err("neither");
+    assert!(
+        error.to_string().contains("true (1) or false (0)"),
+        "{error}"
+    );
+}

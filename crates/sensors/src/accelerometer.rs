@@ -9,7 +9,7 @@ use cardan_scenario::hardware::Accelerometer as Parameters;
 
 use crate::{Axis, LinearSensor, Modulation, thermal_noise_v};
 
-/// One accelerometer of the pair.
+/// One accelerometer: of the pair, or the third along body z.
 #[derive(Clone, Debug)]
 pub struct Accelerometer {
     parameters: Parameters,
@@ -56,6 +56,7 @@ impl Accelerometer {
         let error = match self.axis {
             Axis::X => p.sensitivity_error_x,
             Axis::Y => p.sensitivity_error_y,
+            Axis::Z => p.sensitivity_error_z,
         };
         let gas = if temperature_k == REFERENCE_K {
             1.0
@@ -70,6 +71,7 @@ impl Accelerometer {
         let offset_mg = match self.axis {
             Axis::X => p.offset_x_mg,
             Axis::Y => p.offset_y_mg,
+            Axis::Z => p.offset_z_mg,
         };
         1e-3 * (offset_mg + p.offset_drift_mg_per_k * (temperature_k - REFERENCE_K))
     }
@@ -120,8 +122,10 @@ mod tests {
     fn a_unit_as_designed_feels_the_force_along_its_axis() {
         let x = Accelerometer::new(&Parameters::default(), Axis::X);
         let y = Accelerometer::new(&Parameters::default(), Axis::Y);
+        let z = Accelerometer::new(&Parameters::default(), Axis::Z);
         let experience = level([0.25, -0.5, -0.8], REFERENCE_K);
-        assert_eq!((x.input(&experience), y.input(&experience)), (0.25, -0.5));
+        let felt = [x, y, z].map(|unit| unit.input(&experience));
+        assert_eq!(felt, [0.25, -0.5, -0.8]);
     }
 
     #[test]

@@ -23,6 +23,8 @@ pub enum Axis {
     X,
     /// Body y.
     Y,
+    /// Body z (the optional third tilt axis only).
+    Z,
 }
 
 impl Axis {
@@ -31,6 +33,7 @@ impl Axis {
         match self {
             Axis::X => (0, [1, 2]),
             Axis::Y => (1, [0, 2]),
+            Axis::Z => (2, [0, 1]),
         }
     }
 }

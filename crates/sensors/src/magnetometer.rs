@@ -60,6 +60,8 @@ impl Magnetometer {
         let (error, offset) = match self.axis {
             Axis::X => (p.sensitivity_error_x, p.offset_x_ut),
             Axis::Y => (p.sensitivity_error_y, p.offset_y_ut),
+            // None is fitted along body z: it would be one as designed.
+            Axis::Z => (0.0, 0.0),
         };
         let field = experience.field_ut;
         let along = self.row[0] * field[0] + self.row[1] * field[1] + self.row[2] * field[2];
@@ -74,6 +76,7 @@ impl Magnetometer {
         let detuning_ppm = match self.axis {
             Axis::X => p.detuning_x_ppm,
             Axis::Y => p.detuning_y_ppm,
+            Axis::Z => 0.0,
         } + p.detuning_drift_ppm_per_k * (temperature_k - REFERENCE_K);
         let w = 2.0 * std::f64::consts::PI * p.resonance_hz * (1.0 + 1e-6 * detuning_ppm);
         let sensitivity_v = p.sensitivity_uv_per_ut * 1e-6;

@@ -82,7 +82,7 @@ fn drawn(case: &Case, steps: usize, seed: u64) -> Inputs {
             .collect();
         for (port, (lo, hi)) in case.ports.iter().enumerate() {
             let raw = match kind {
-                0 | 1 => bases[port % case.channels],
+                0 | 1 => bases[port % case.channels].clamp(*lo, *hi),
                 2 => (bases[port % case.channels] + uniform(-4, 4)).clamp(*lo, *hi),
                 _ => uniform(*lo, *hi),
             };
