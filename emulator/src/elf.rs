@@ -2,9 +2,9 @@
 //! at 0x800000, EEPROM at 0x810000, fuses at 0x820000, lock bits at 0x830000, signature at
 //! 0x840000. What is programmed is each segment's bytes at its load address.
 
-use object::elf::{EM_AVR, ET_EXEC, FileHeader32, PT_LOAD};
+use object::elf::{EM_AVR, ET_EXEC, FileHeader32, PT_LOAD, SHF_ALLOC};
 use object::read::elf::{FileHeader, ProgramHeader};
-use object::{Endianness, LittleEndian, Object, ObjectSymbol};
+use object::{Endianness, LittleEndian, Object, ObjectSection, ObjectSymbol, SectionFlags};
 
 use crate::device::Device;
 use crate::image::{Image, LoadProblem, Memory, Symbol, place};
@@ -81,9 +81,15 @@ fn place_segment(
 fn symbols(bytes: &[u8]) -> Result<Vec<Symbol>, LoadProblem> {
     let broken = |error: object::Error| LoadProblem::BadElf(error.to_string());
     let file = object::read::elf::ElfFile32::<LittleEndian>::parse(bytes).map_err(broken)?;
+    // (Addresses in sections that are not loaded are offsets in the file.)
+    let is_loaded = |index| {
+        let section = file.section_by_index(index).map(|section| section.flags());
+        !matches!(section, Ok(SectionFlags::Elf { sh_flags }) if sh_flags & u64::from(SHF_ALLOC) == 0)
+    };
     let mut found: Vec<Symbol> = file
         .symbols()
         .filter(|symbol| symbol.is_definition() || symbol.section_index().is_some())
+        .filter(|symbol| symbol.section_index().is_none_or(is_loaded))
         .filter_map(|symbol| {
             let name = symbol.name().ok().filter(|name| !name.is_empty())?;
             let (memory, base) = match symbol.address() {

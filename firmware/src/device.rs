@@ -120,6 +120,7 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
             Some(layout::COMMAND_TEXT) => self.text = true,
             Some(layout::COMMAND_BINARY) => self.text = false,
             Some(layout::COMMAND_UPRIGHT) => self.solver.set_upright(),
+            Some(layout::COMMAND_SETTINGS) => self.serial.take_settings(),
             _ => {}
         }
         // A pin of the reference boards cannot fail.

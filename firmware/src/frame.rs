@@ -78,27 +78,35 @@ impl Frame {
         let mut line = Vec::new();
         decimal(&mut line, i32::from(self.sequence));
         for angle in self.angles {
-            let _ = line.push(b' ');
+            put(&mut line, b' ');
             // 18000 / 32768 hundredths of a degree per place, rounded to nearest.
             decimal(&mut line, (i32::from(angle) * 1125 + 1024) >> 11);
         }
-        let _ = line.extend_from_slice(b" 0x");
-        for nibble in [12, 8, 4, 0] {
-            let digit = (self.flags >> nibble) as u8 & 15;
-            let _ = line.push(if digit < 10 {
-                b'0' + digit
-            } else {
-                b'a' + digit - 10
-            });
+        put(&mut line, b' ');
+        put(&mut line, b'0');
+        put(&mut line, b'x');
+        let mut rest = self.flags;
+        for _ in 0..4 {
+            let digit = (rest >> 12) as u8;
+            put(&mut line, digit + if digit < 10 { b'0' } else { b'a' - 10 });
+            rest <<= 4;
         }
-        let _ = line.extend_from_slice(b"\r\n");
+        put(&mut line, b'\r');
+        put(&mut line, b'\n');
         line
     }
 }
 
+/// Not inlined: a text line has a dozen of places that put something. The capacity is that of the
+/// longest line, so that pushing cannot fail.
+#[inline(never)]
+fn put(line: &mut Vec<u8, TEXT_LEN>, byte: u8) {
+    let _ = line.push(byte);
+}
+
 fn decimal(line: &mut Vec<u8, TEXT_LEN>, value: i32) {
     if value < 0 {
-        let _ = line.push(b'-');
+        put(line, b'-');
     }
     let mut rest = value.unsigned_abs() as u16;
     let mut started = false;
@@ -110,7 +118,7 @@ fn decimal(line: &mut Vec<u8, TEXT_LEN>, value: i32) {
         }
         started |= digit != b'0' || power == 1;
         if started {
-            let _ = line.push(digit);
+            put(line, digit);
         }
     }
 }

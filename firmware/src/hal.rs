@@ -22,4 +22,22 @@ pub trait Serial {
     fn send(&mut self, bytes: &[u8]) -> bool;
     /// A byte that has been received, if any.
     fn receive(&mut self) -> Option<u8>;
+    /// New settings are announced ([`crate::exchange`]). A board that keeps none ignores it, as here.
+    fn take_settings(&mut self) {}
+}
+
+/// The serial line while nothing else is done: byte by byte, waiting.
+pub trait Bytes {
+    /// Waits for a byte.
+    fn read(&mut self) -> u8;
+    /// Waits until `byte` can go out.
+    fn write(&mut self, byte: u8);
+}
+
+/// Memory that keeps the settings while the power is off.
+pub trait Memory {
+    /// The byte at `address`.
+    fn read(&mut self, address: u8) -> u8;
+    /// Waits until `byte` can be stored.
+    fn write(&mut self, address: u8, byte: u8);
 }

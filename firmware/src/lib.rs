@@ -9,6 +9,7 @@ pub mod attitude;
 pub mod averaging;
 pub mod calibration;
 pub mod device;
+pub mod exchange;
 pub mod frame;
 pub mod hal;
 mod inverse;

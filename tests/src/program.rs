@@ -1,8 +1,9 @@
 //! AVR programs for the tests: compiled from C, or written word by word.
 
 use std::fs;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::process::{Child, Command};
 
 use tempfile::{TempDir, tempdir};
 
@@ -123,4 +124,26 @@ pub fn hex_text(words: &[u16]) -> String {
         text.push('\n');
     }
     text + ":00000001FF\n"
+}
+
+/// Waits for `sought` in what `child` says on standard error, and returns the rest of the line.
+///
+/// # Panics
+/// It ends without.
+pub fn announced(child: &mut Child, sought: &str) -> String {
+    let mut said = String::new();
+    let mut from = child.stderr.take().expect("piped");
+    let mut byte = [0];
+    while from.read(&mut byte).expect("readable") == 1 {
+        if byte[0] == b'\n' {
+            if let Some(rest) = said.strip_prefix(sought) {
+                child.stderr = Some(from);
+                return rest.to_owned();
+            }
+            said.clear();
+        } else {
+            said.push(char::from(byte[0]));
+        }
+    }
+    panic!("{sought} is never said");
 }

@@ -1,11 +1,12 @@
 //! `calibrate` as a user runs it: a bad unit becomes a good one, its EEPROM file in other tools.
 
 use std::fs;
+use std::io::{BufRead, BufReader, Write as _};
 use std::path::Path;
-use std::process::{Command, Output};
+use std::process::{Command, Output, Stdio};
 
-use cardan_tests::program::{folder, text, write};
-use cardan_tests::{assert_refused, run, stderr};
+use cardan_tests::program::{announced, folder, text, write};
+use cardan_tests::{assert_refused, cardan, root, run, stderr};
 use serde_json::Value;
 
 /// A unit far off its design, within what its amplifiers bear.
@@ -335,4 +336,58 @@ fn eeprom_files_that_hold_no_calibration_are_refused_with_the_reason() {
             );
         }
     }
+}
+
+/// Status bits of a device that sends text lines on `port`.
+fn told_status(port: &str) -> u16 {
+    let mut line = fs::OpenOptions::new()
+        .read(true)
+        .write(true)
+        .open(port)
+        .expect("the terminal opens");
+    line.write_all(b"t").expect("written");
+    // The first may have lost its beginning.
+    let mut lines = BufReader::new(line).split(b'\n').skip(1).map(|line| {
+        let line = line.expect("the device sends");
+        String::from_utf8_lossy(&line).trim().to_owned()
+    });
+    let status = lines.find_map(|line| line.split_once(" 0x").map(|(_, hex)| hex.to_owned()));
+    u16::from_str_radix(&status.expect("a text line"), 16).expect("hex digits")
+}
+
+#[test]
+fn a_device_takes_its_calibration_over_the_serial_line() {
+    const UNCALIBRATED: u16 = 8;
+    let folder = folder();
+    let file = folder.path().join("unit.eep");
+    let out = ["--attitudes", "6", "--solutions", "4", "--out", text(&file)];
+    document(&run(
+        &[&["calibrate", "--json", "--quiet"], &out[..]].concat()
+    ));
+    let plain = root().join("firmware/boards/atmega328p/images/plain.elf");
+    let mut device = Command::new(cardan())
+        .args(["run", text(&plain), "--uart", "pty"])
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts");
+    let port = announced(&mut device, "serial line: ");
+    let send = |file: &Path| {
+        let send = ["--image", text(file), "--send", &port];
+        run(&[&["calibrate", "--json", "--quiet"], &send[..]].concat())
+    };
+    assert_ne!(told_status(&port) & UNCALIBRATED, 0);
+    let sent = document(&send(&file));
+    assert_eq!(sent["bytes"], cardan_spec::calibration::LEN);
+    assert_eq!(told_status(&port) & UNCALIBRATED, 0);
+
+    // What the device would refuse is not sent.
+    let damaged = write(&folder, "damaged.bin", [0x1d, 0xca, 2, 15]);
+    assert_refused(&send(&damaged), &["damaged.bin", "bytes"]);
+    device.kill().expect("our child");
+    device.wait().expect("our child");
+    // A line on which nobody answers.
+    let nobody = run(&["calibrate", "--image", text(&file), "--send", "/dev/null"]);
+    assert_refused(&nobody, &["/dev/null", "serial port"]);
 }

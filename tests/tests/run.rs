@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use cardan_tests::program::{compile, folder, hex_text, text, to_hex, write};
+use cardan_tests::program::{announced, compile, folder, hex_text, text, to_hex, write};
 use cardan_tests::{cardan, run, stderr};
 use serde_json::Value;
 
@@ -298,25 +298,6 @@ fn standard_input_is_the_far_end_of_the_line() {
         String::from_utf8_lossy(&output.stdout),
         "A line of text, longer than every buffer of the receiver, q"
     );
-}
-
-/// Waits for `sought` in what `child` says on standard error, and returns the rest of the line.
-fn announced(child: &mut std::process::Child, sought: &str) -> String {
-    let mut said = String::new();
-    let mut from = child.stderr.take().expect("piped");
-    let mut byte = [0];
-    while from.read(&mut byte).expect("readable") == 1 {
-        if byte[0] == b'\n' {
-            if let Some(rest) = said.strip_prefix(sought) {
-                child.stderr = Some(from);
-                return rest.to_owned();
-            }
-            said.clear();
-        } else {
-            said.push(char::from(byte[0]));
-        }
-    }
-    panic!("{sought} is never said");
 }
 
 #[test]

@@ -8,7 +8,7 @@ use cardan_tune::Problem;
 use crate::attitude::Attitude;
 use crate::calibration::{CalibrateError, Calibrated, Request};
 use crate::engine::{Conversion, Engine, Truth};
-use crate::image::Firmware;
+use crate::image::{EepromImage, Firmware};
 
 /// What a run is made of, as the emulated participant decides it and the others are told.
 #[derive(Clone, Debug, PartialEq, serde::Serialize, serde::Deserialize)]
@@ -126,6 +126,11 @@ pub trait App: Sync {
     /// # Errors
     /// Runs without a whole solution.
     fn problem(&self, tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Result<Problem, String>;
+    /// The device's settings in the content of an EEPROM, checked, as they go over the serial line.
+    ///
+    /// # Errors
+    /// Content that the device would not accept.
+    fn settings_image(&self, content: &EepromImage) -> Result<Vec<u8>, String>;
     /// Attitude in half turns (yaw, pitch, roll) and status bits of a frame, if it is whole.
     fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)>;
     /// Nodes that hold yaw, pitch and roll.

@@ -1,8 +1,9 @@
 //! Firmware images and the tables by which they tell what they compute (spec: taps).
 
-use cardan_datapath::{Format, NodeInfo, Overflow, Rounding};
-use cardan_emulator::{ATMEGA328P, Image, LoadError, Memory};
+use cardan_datapath::{Format, NodeInfo, Overflow, Rounding, format_table_len};
+use cardan_emulator::{ATMEGA328P, Image, LoadError};
 use cardan_spec::taps;
+use object::{Object as _, ObjectSection as _, ObjectSymbol as _};
 
 /// An image with its tables.
 #[derive(Clone, Debug)]
@@ -67,9 +68,6 @@ pub enum ImageError {
     },
 }
 
-/// Bytes before the first node of a format table: hash and count.
-const HEADER: usize = 10;
-
 impl Firmware {
     /// Reads an image from the bytes of file `name`.
     ///
@@ -77,7 +75,7 @@ impl Firmware {
     /// Not an AVR program, or damaged tables.
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, ImageError> {
         let image = Image::parse(name, bytes, &ATMEGA328P)?;
-        let formats = format_table(&image, name)?;
+        let formats = FormatTable::of(name, bytes)?;
         let taps = image.symbol(taps::TABLE_SYMBOL).map(|symbol| TapTable {
             address: symbol.address as usize,
             len: symbol.size as usize / 4,
@@ -149,43 +147,59 @@ pub fn describe(format: Format) -> String {
     )
 }
 
-fn format_table(image: &Image, name: &str) -> Result<Option<FormatTable>, ImageError> {
-    let Some(symbol) = image.symbol(taps::FORMATS_SYMBOL) else {
-        return Ok(None);
-    };
-    let fail = |problem: &str| ImageError::Table {
-        file: name.to_owned(),
-        symbol: taps::FORMATS_SYMBOL,
-        problem: problem.to_owned(),
-    };
-    if symbol.memory != Memory::Flash {
-        return Err(fail("expected in flash (section .progmem.data)"));
+impl FormatTable {
+    /// The format table in the bytes of program `name`, of any board; none if it carries none, or
+    /// if the file has no symbols. It lies in flash, or in a section that is not loaded.
+    ///
+    /// # Errors
+    /// A damaged file or table.
+    pub fn of(name: &str, bytes: &[u8]) -> Result<Option<Self>, ImageError> {
+        let fail = |problem: &str| ImageError::Table {
+            file: name.to_owned(),
+            symbol: taps::FORMATS_SYMBOL,
+            problem: problem.to_owned(),
+        };
+        if !bytes.starts_with(&object::elf::ELFMAG) {
+            return Ok(None);
+        }
+        let file = object::File::parse(bytes).map_err(|error| fail(&error.to_string()))?;
+        let Some(symbol) = file.symbol_by_name(taps::FORMATS_SYMBOL) else {
+            return Ok(None);
+        };
+        let section = symbol
+            .section_index()
+            .and_then(|index| file.section_by_index(index).ok())
+            .ok_or_else(|| fail("lies in no section"))?;
+        let start = symbol.address().wrapping_sub(section.address());
+        let bytes = section
+            .data()
+            .ok()
+            .and_then(|data| data.get(usize::try_from(start).ok()?..))
+            .ok_or_else(|| fail("lies beyond its section"))?;
+        Self::read(bytes).map(Some).map_err(fail)
     }
-    let start = symbol.address as usize;
-    let bytes = image
-        .flash
-        .get(start..)
-        .ok_or_else(|| fail("lies beyond the image"))?;
-    let (head, rest) = bytes
-        .split_at_checked(HEADER)
-        .ok_or_else(|| fail("is cut short"))?;
-    let (hash, count) = head.split_at(8);
-    let hash = hash
-        .iter()
-        .rev()
-        .fold(0, |hash, &byte| hash << 8 | u64::from(byte));
-    let count = usize::from(count[0]) | usize::from(count[1]) << 8;
-    let rows = rest.get(..4 * count).ok_or_else(|| fail("is cut short"))?;
-    let formats = rows.chunks_exact(4).map(|row| {
-        let rounding = Rounding::ALL.get(usize::from(row[2]))?.0;
-        let overflow = Overflow::ALL.get(usize::from(row[3]))?.0;
-        let word = u32::from(row[0]);
-        (1..=64)
-            .contains(&word)
-            .then(|| Format::new(word, row[1].into(), rounding, overflow))
-    });
-    let formats = formats
-        .collect::<Option<Vec<_>>>()
-        .ok_or_else(|| fail("holds a word length or mode that does not exist"))?;
-    Ok(Some(FormatTable { hash, formats }))
+
+    fn read(bytes: &[u8]) -> Result<Self, &'static str> {
+        const CUT: &str = "is cut short";
+        let (head, rest) = bytes.split_at_checked(format_table_len(0)).ok_or(CUT)?;
+        let (hash, count) = head.split_at(8);
+        let hash = hash
+            .iter()
+            .rev()
+            .fold(0, |hash, &byte| hash << 8 | u64::from(byte));
+        let count = usize::from(count[0]) | usize::from(count[1]) << 8;
+        let rows = rest.get(..4 * count).ok_or(CUT)?;
+        let formats = rows.chunks_exact(4).map(|row| {
+            let rounding = Rounding::ALL.get(usize::from(row[2]))?.0;
+            let overflow = Overflow::ALL.get(usize::from(row[3]))?.0;
+            let word = u32::from(row[0]);
+            (1..=64)
+                .contains(&word)
+                .then(|| Format::new(word, row[1].into(), rounding, overflow))
+        });
+        let formats = formats
+            .collect::<Option<Vec<_>>>()
+            .ok_or("holds a word length or mode that does not exist")?;
+        Ok(Self { hash, formats })
+    }
 }

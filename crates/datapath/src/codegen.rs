@@ -6,6 +6,7 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::string::{String, ToString};
+use std::vec::Vec;
 use std::{env, format, fs, println};
 
 use crate::wordlengths::{self, DeclaredNode, WordlengthsError, container_bits, type_name};
@@ -29,7 +30,10 @@ pub fn generate_to_out_dir(default_file: &str) -> Result<(), String> {
     fs::write(Path::new(&out).join("nodes.rs"), generate(&nodes)).map_err(|error| error.to_string())
 }
 
-/// Rust source of the nodes: a type per node and the table `NODES`.
+/// Rust source of the nodes: a type per node, the table `NODES`, the format table `FORMAT_TABLE`, and
+/// a macro: `format_section!(FORMAT_TABLE)` in a program makes it the symbol `CARDAN_FORMATS` in a
+/// section that is not loaded. Hosts find it in the ELF file, and it takes no flash. (Only assembler
+/// can make such a section, and it counts as unsafe code.)
 #[must_use]
 pub fn generate(nodes: &[DeclaredNode]) -> String {
     let mut out = String::from("// Generated from the word-length file.\n");
@@ -76,5 +80,36 @@ pub fn generate(nodes: &[DeclaredNode]) -> String {
         );
     }
     out.push_str("];\n");
+    push_format_table(&mut out, nodes.len());
     out
+}
+
+fn push_format_table(out: &mut String, nodes: usize) {
+    let len = crate::format_table_len(nodes);
+    let (places, bytes): (Vec<_>, Vec<_>) = (0..len)
+        .map(|index| ("{}", format!("const $table[{index}]")))
+        .unzip();
+    let _ = write!(
+        out,
+        "\n/// What an image carries to tell its formats.\n\
+         pub const FORMAT_TABLE: [u8; {len}] = ::cardan_datapath::format_table(&NODES);\n\
+         \n/// Puts the table into a section of the program that is not loaded.\n\
+         #[macro_export]\n\
+         macro_rules! format_section {{\n    \
+             ($table:expr) => {{\n        \
+                 ::core::arch::global_asm!(\n            \
+                     r#\".section .cardan.formats,\"\",@progbits\"#,\n            \
+                     \".globl CARDAN_FORMATS\",\n            \
+                     \".type CARDAN_FORMATS, @object\",\n            \
+                     \".size CARDAN_FORMATS, {len}\",\n            \
+                     \"CARDAN_FORMATS:\",\n            \
+                     \".byte {places}\",\n            \
+                     \".text\",\n            \
+                     {bytes},\n        \
+                 );\n    \
+             }};\n\
+         }}\n",
+        places = places.join(", "),
+        bytes = bytes.join(", "),
+    );
 }

@@ -181,6 +181,51 @@ pub const fn table_hash(nodes: &[NodeInfo]) -> u64 {
     hash
 }
 
+/// Bytes of the format table of so many nodes.
+#[must_use]
+pub const fn format_table_len(nodes: usize) -> usize {
+    FORMAT_TABLE_HEADER + 4 * nodes
+}
+
+/// Bytes of a format table before the first node: hash and count.
+const FORMAT_TABLE_HEADER: usize = 10;
+
+/// The format table that an image carries, little-endian: [`table_hash`] (8 bytes), number of nodes
+/// (2), then word length, fractional bits, rounding and overflow of each. `LEN` is
+/// [`format_table_len`] of their number.
+#[must_use]
+pub const fn format_table<const LEN: usize>(nodes: &[NodeInfo]) -> [u8; LEN] {
+    assert!(
+        LEN == format_table_len(nodes.len()),
+        "LEN is format_table_len"
+    );
+    let mut table = [0; LEN];
+    let (hash, count) = (
+        table_hash(nodes).to_le_bytes(),
+        (nodes.len() as u16).to_le_bytes(),
+    );
+    let mut index = 0;
+    while index < FORMAT_TABLE_HEADER {
+        table[index] = if index < 8 {
+            hash[index]
+        } else {
+            count[index - 8]
+        };
+        index += 1;
+    }
+    let mut node = 0;
+    while node < nodes.len() {
+        let f = nodes[node].format;
+        let at = format_table_len(node);
+        table[at] = f.word as u8;
+        table[at + 1] = f.frac as u8;
+        table[at + 2] = f.rounding as u8;
+        table[at + 3] = f.overflow as u8;
+        node += 1;
+    }
+    table
+}
+
 const fn fnv1a(mut hash: u64, bytes: &[u8]) -> u64 {
     let mut index = 0;
     while index < bytes.len() {

@@ -62,5 +62,7 @@ pub use arithmetic::{Arithmetic, Constant, Node, Table, Value};
 pub use container::Container;
 pub use deployed::{DEFAULT_DOMAIN_FLAG, Deployed};
 pub use fixed;
-pub use format::{Format, NodeInfo, Overflow, Rounding, table_hash};
+pub use format::{
+    Format, NodeInfo, Overflow, Rounding, format_table, format_table_len, table_hash,
+};
 pub use tap::{Silent, Tap};

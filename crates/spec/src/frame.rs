@@ -24,3 +24,12 @@ pub const COMMAND_TEXT: u8 = b't';
 pub const COMMAND_BINARY: u8 = b'b';
 /// A received byte that tells the device that it is upright: its half-space is known again.
 pub const COMMAND_UPRIGHT: u8 = b'u';
+/// A received byte that announces new settings ([`crate::calibration`]). The device stops measuring and
+/// sends an empty frame (two delimiters in a row); then the host sends the image, at the line's full
+/// speed and without a pause of [`SETTINGS_PAUSE_MS`]. A valid image is stored; what the device holds
+/// then comes back, [`crate::calibration::LEN`] bytes, and it restarts with that. A host that finds
+/// other bytes than its own sends them again: a damaged image, or one that does not come, changes
+/// nothing.
+pub const COMMAND_SETTINGS: u8 = b'c';
+/// Silence, in milliseconds, after which the device gives up waiting for settings and restarts.
+pub const SETTINGS_PAUSE_MS: u32 = 1000;

@@ -26,7 +26,7 @@ pub(super) fn settings_for(
 }
 
 /// The settings of an image; bytes behind it (the rest of a whole EEPROM) do not matter.
-fn settings(image: &EepromImage) -> Result<Settings, String> {
+pub(super) fn settings(image: &EepromImage) -> Result<Settings, String> {
     let fail = |problem: String| {
         let name = &image.name;
         Err(format!(

@@ -32,7 +32,7 @@ use cardan_tune::Problem;
 use crate::app::{App, Configuration, Feed, RecordedRun, Tolerance};
 use crate::calibration::{CalibrateError, Calibrated, Request};
 use crate::engine::Engine;
-use crate::image::Firmware;
+use crate::image::{EepromImage, Firmware};
 
 /// The reference application.
 #[derive(Clone, Copy, Debug)]
@@ -191,6 +191,10 @@ impl App for Attitude {
 
     fn calibrate(&self, request: &Request<'_>) -> Result<Calibrated, CalibrateError> {
         calibrate::calibrate(request)
+    }
+
+    fn settings_image(&self, content: &EepromImage) -> Result<Vec<u8>, String> {
+        Ok(eeprom::settings(content)?.image().to_vec())
     }
 
     fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)> {

@@ -1,11 +1,14 @@
-//! `calibrate`: a unit's calibration from what it sends in known attitudes, as an EEPROM image.
+//! `calibrate`: a unit's calibration from what it sends in known attitudes, as an EEPROM image, and
+//! on its way into a device.
 
 mod document;
+mod send;
 mod table;
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use cardan_bench::app::by_name;
 use cardan_bench::calibration::{CalibrateError, Request};
 use cardan_scenario::scenario::MotionKind;
 use clap::Args;
@@ -25,6 +28,9 @@ const ATTITUDES: usize = 24;
 /// sphere (or moves with a recording, whose slow parts are used), and its frames are fitted by
 /// least squares: offsets, sensitivities, misalignment and cross-sensitivity of tilt and field. Then
 /// it is checked in other attitudes, with the calibration it had and with the new one.
+///
+/// With --send the calibration goes to a device on a serial port, which stores it and restarts; with
+/// --image as well, that of a file, and nothing is estimated.
 #[derive(Args)]
 pub(crate) struct Arguments {
     #[command(flatten)]
@@ -38,12 +44,26 @@ pub(crate) struct Arguments {
     /// Writes the EEPROM's content: .hex or .eep for Intel HEX, .bin for raw bytes
     #[arg(long, value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Sends the calibration to the device on this serial port (115200 baud) and checks what it stored
+    #[arg(long, value_name = "PORT")]
+    send: Option<String>,
+    /// Sends the EEPROM content of this file (as written by --out) instead of estimating one
+    #[arg(
+        long,
+        value_name = "FILE",
+        requires = "send",
+        conflicts_with_all = ["out", "attitudes", "solutions", "scenario", "recording", "firmware", "seconds", "seed", "set", "eeprom"]
+    )]
+    image: Option<PathBuf>,
 }
 
 /// Runs the command.
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if let Some(file) = &arguments.out {
         eeprom_file::check_name(file)?;
+    }
+    if let (Some(file), Some(port)) = (&arguments.image, &arguments.send) {
+        return send_file(&arguments.run.app, file, port, output);
     }
     let setup = arguments.run.resolve_plain()?;
     let recorded = setup.scenario.motion.kind == MotionKind::Recording;
@@ -79,11 +99,34 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if let Some(file) = &arguments.out {
         eeprom_file::write(file, &calibrated.image)?;
     }
-    let document = Document::new(&setup, recorded, arguments.out.as_deref(), &calibrated);
+    let sent = match &arguments.send {
+        Some(port) => Some(send::send(setup.app, port, &calibrated.image, output)?),
+        None => None,
+    };
+    let document = Document::new(
+        &setup,
+        recorded,
+        arguments.out.as_deref(),
+        &calibrated,
+        sent,
+    );
     if output.is_json() {
         output.document(&document);
     }
     output.result(&table::render(&document));
+    Ok(ExitCode::SUCCESS)
+}
+
+/// Sends what a file holds.
+fn send_file(app: &str, file: &Path, port: &str, output: Output) -> Done {
+    let app = by_name(app).map_err(Failure::input)?;
+    let content = eeprom_file::read(file)?;
+    let image = app.settings_image(&content).map_err(Failure::input)?;
+    let sent = send::send(app, port, &image, output)?;
+    if output.is_json() {
+        output.document(&sent);
+    }
+    output.result(&sent.to_string());
     Ok(ExitCode::SUCCESS)
 }
 

@@ -1,10 +1,8 @@
-//! What the ELF file of a board on QEMU tells: sizes and formats.
+//! What the ELF file of a board on QEMU tells of its size.
 //!
 //! (Images of the reference board are read by the emulator's loader, which knows AVR's memories.)
 
 use object::{Object as _, ObjectSection as _, ObjectSymbol as _, SectionFlags, elf};
-
-use cardan_spec::taps;
 
 use crate::failure::Failure;
 
@@ -42,22 +40,6 @@ pub(crate) fn sizes(name: &str, bytes: &[u8]) -> Result<Sizes, Failure> {
         flash_size: number(symbol("CARDAN_FLASH_BYTES")?)?,
         ram: narrow(data)?,
         ram_size: narrow(symbol("CARDAN_RAM_BYTES")?)?,
-    })
-}
-
-/// The hash in the program's format table.
-pub(super) fn formats_hash(name: &str, bytes: &[u8]) -> Result<u64, Failure> {
-    let file = parse(name, bytes)?;
-    let start = address(name, &file, taps::FORMATS_SYMBOL)?;
-    let hash = file.sections().find_map(|section| {
-        let bytes = section.data_range(start, 8).ok().flatten()?;
-        Some(u64::from_le_bytes(bytes.try_into().ok()?))
-    });
-    hash.ok_or_else(|| {
-        let symbol = taps::FORMATS_SYMBOL;
-        Failure::input(format!(
-            "{name}: symbol {symbol} lies in no section; build it again"
-        ))
     })
 }
 

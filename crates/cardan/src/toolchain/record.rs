@@ -4,11 +4,11 @@ use std::fmt;
 use std::fs;
 use std::path::Path;
 
-use cardan_bench::image::Firmware;
+use cardan_bench::image::FormatTable;
 use serde::{Deserialize, Serialize};
 use sha2::{Digest, Sha256};
 
-use super::{Board, Runs, elf, find::Compiler, sources, unusable};
+use super::{Board, find::Compiler, sources, unusable};
 use crate::failure::Failure;
 
 /// First lines of the file.
@@ -149,18 +149,10 @@ pub(super) fn of(
 
 /// The hash in the format table of an image of `board`.
 fn formats_hash(board: &Board, plain: &[u8]) -> Result<u64, Failure> {
-    let name = "the plain image";
-    if board.runs_in == Runs::Qemu {
-        return elf::formats_hash(name, plain);
-    }
-    let firmware = Firmware::parse(name, plain).map_err(Failure::input)?;
-    let formats = firmware.formats.ok_or_else(|| {
-        Failure::input(format!(
-            "the image of {} carries no format table",
-            board.name
-        ))
-    })?;
-    Ok(formats.hash)
+    let name = format!("the plain image of {}", board.name);
+    let table = FormatTable::of(&name, plain).map_err(Failure::input)?;
+    let missing = || Failure::input(format!("{name} carries no format table"));
+    Ok(table.ok_or_else(missing)?.hash)
 }
 
 /// Version of package `name` in the text of a lock file.

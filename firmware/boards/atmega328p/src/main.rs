@@ -15,6 +15,7 @@ mod shared;
 mod solving;
 mod taps;
 mod usart;
+mod watchdog;
 
 use avr_device::atmega328p::Peripherals;
 use cardan_firmware::averaging::Window;
@@ -36,7 +37,8 @@ fn panic(_info: &core::panic::PanicInfo) -> ! {
 fn main() -> ! {
     // Taken once, before any interrupt is enabled: the handlers steal what they own.
     let Some(peripherals) = Peripherals::take() else { loop {} };
-    let settings = eeprom::settings(&peripherals.EEPROM);
+    watchdog::stop(&peripherals.CPU, &peripherals.WDT);
+    let settings = eeprom::settings(&mut eeprom::Eeprom(peripherals.EEPROM));
     shared::initialise(settings.averaging);
     usart::initialise(&peripherals.USART0);
     let solving = solving::SolvingPin::new(peripherals.PORTB);

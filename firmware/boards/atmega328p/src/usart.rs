@@ -1,8 +1,12 @@
 //! The serial line: a frame goes out in the background, byte by byte from its interrupt.
 
 use avr_device::atmega328p::{Peripherals, USART0};
-use cardan_firmware::hal::Serial;
+use cardan_firmware::exchange;
+use cardan_firmware::hal::{Bytes, Serial};
 use cardan_spec::timing;
+
+use crate::eeprom::Eeprom;
+use crate::watchdog;
 
 /// Longest message: a text line.
 const CAPACITY: usize = cardan_firmware::frame::TEXT_LEN;
@@ -51,6 +55,37 @@ impl Serial for Line {
         let usart = unsafe { Peripherals::steal() }.USART0;
         let received = usart.ucsr0a().read().rxc0().bit_is_set();
         received.then(|| usart.udr0().read().bits())
+    }
+
+    /// The watchdog restarts the chip, afterwards or when the host falls silent. Not inlined: the image
+    /// need not lie on the main loop's stack.
+    #[inline(never)]
+    fn take_settings(&mut self) {
+        // SAFETY: nothing else runs from here on.
+        let peripherals = unsafe { Peripherals::steal() };
+        while peripherals.USART0.ucsr0b().read().udrie0().bit_is_set() {}
+        avr_device::interrupt::disable();
+        watchdog::start(&peripherals.WDT);
+        exchange::take_settings(self, &mut Eeprom(peripherals.EEPROM));
+        loop {}
+    }
+}
+
+impl Bytes for Line {
+    fn read(&mut self) -> u8 {
+        loop {
+            if let Some(byte) = self.receive() {
+                avr_device::asm::wdr();
+                return byte;
+            }
+        }
+    }
+
+    fn write(&mut self, byte: u8) {
+        // SAFETY: the transmit interrupt is disabled.
+        let usart = unsafe { Peripherals::steal() }.USART0;
+        while usart.ucsr0a().read().udre0().bit_is_clear() {}
+        usart.udr0().write(|w| unsafe { w.bits(byte) });
     }
 }
 

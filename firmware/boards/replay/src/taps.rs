@@ -3,7 +3,9 @@
 use core::cell::RefCell;
 
 use cardan_datapath::Tap;
-use cardan_firmware::nodes::{NODE_COUNT, NODES};
+use cardan_firmware::nodes::FORMAT_TABLE;
+#[cfg(feature = "taps")]
+use cardan_firmware::nodes::NODE_COUNT;
 
 use crate::output::Output;
 
@@ -47,30 +49,7 @@ impl Tap for BoardTap<'_> {
     fn overflow(&self, _index: usize) {}
 }
 
-const HEADER: usize = 10;
-
-/// Hash, number of nodes, and per node word length, fractional bits, rounding, overflow.
+/// How an image tells its formats.
 #[used]
 #[unsafe(no_mangle)]
-static CARDAN_FORMATS: [u8; HEADER + 4 * NODE_COUNT] = {
-    let mut table = [0; HEADER + 4 * NODE_COUNT];
-    let hash = cardan_firmware::FORMATS_HASH.to_le_bytes();
-    let mut index = 0;
-    while index < 8 {
-        table[index] = hash[index];
-        index += 1;
-    }
-    table[8] = NODE_COUNT as u8;
-    table[9] = (NODE_COUNT >> 8) as u8;
-    let mut node = 0;
-    while node < NODE_COUNT {
-        let format = NODES[node].format;
-        let at = HEADER + 4 * node;
-        table[at] = format.word as u8;
-        table[at + 1] = format.frac as u8;
-        table[at + 2] = format.rounding as u8;
-        table[at + 3] = format.overflow as u8;
-        node += 1;
-    }
-    table
-};
+static CARDAN_FORMATS: [u8; FORMAT_TABLE.len()] = FORMAT_TABLE;

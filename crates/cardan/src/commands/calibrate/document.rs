@@ -8,6 +8,7 @@ use cardan_spec::CHANNELS;
 use cardan_spec::calibration::{FRAC, WORDS};
 use serde::Serialize;
 
+use super::send::Sent;
 use crate::run_options::Setup;
 
 /// Steps of the converter per full scale.
@@ -33,6 +34,8 @@ pub(super) struct Document {
     pub(super) visits: Vec<Visit>,
     pub(super) held_out: HeldOut,
     pub(super) eeprom: Eeprom,
+    /// None if it was sent nowhere.
+    pub(super) sent: Option<Sent>,
     pub(super) remarks: Vec<String>,
 }
 
@@ -111,6 +114,7 @@ impl Document {
         recorded: bool,
         out: Option<&Path>,
         calibrated: &Calibrated,
+        sent: Option<Sent>,
     ) -> Self {
         let estimate = &calibrated.estimate;
         let held_out = calibrated.held_out;
@@ -158,6 +162,7 @@ impl Document {
                     .map(|byte| format!("{byte:02x}"))
                     .collect(),
             },
+            sent,
             remarks: calibrated.remarks.clone(),
         }
     }

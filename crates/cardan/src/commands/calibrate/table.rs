@@ -34,6 +34,9 @@ pub(super) fn render(document: &Document) -> String {
         (Some(file), Some(form)) => write!(out, "{file}: {} bytes, {form}", eeprom.bytes),
         _ => write!(out, "not written; --out FILE writes the EEPROM's content"),
     };
+    if let Some(sent) = &document.sent {
+        let _ = write!(out, "\n{sent}");
+    }
     out
 }
 
