@@ -13,7 +13,7 @@
 
 /* The shifts below are those of the formats with this hash. After a change of formats (and
  * `cargo xtask c-header`) adapt them, then copy the new hash from nodes.h. */
-#if CARDAN_FORMATS_HASH != 0xa8f7790cc5a098c9
+#if CARDAN_FORMATS_HASH != 0x2b71297f0b224627
 #error "attitude.c is written for other formats than nodes.h has: adapt its shifts, then this hash"
 #endif
 
@@ -291,7 +291,7 @@ static bool weigh(const struct tilt *tilt, int16_t twist, int16_t c, int16_t cro
     return sum >= multiply_unit(NODE_LEAST_SUM, LEAST_EAST, scale);
 }
 
-static int16_t yaw_of(const struct readings *r, const struct tilt *tilt)
+static int16_t yaw_of(const struct readings *r, const struct tilt *tilt, bool is_upside_down)
 {
     int32_t dip_x = multiply_exact(NODE_DIP_PART, calibration.vertical, r->t1);
     int32_t dip_y = multiply_exact(NODE_DIP_PART, calibration.vertical, r->t2);
@@ -305,7 +305,7 @@ static int16_t yaw_of(const struct readings *r, const struct tilt *tilt)
     int16_t c_1 = divide(NODE_HEADING_COS_1, level_cos, tilt->cos_1, FRAC);
     int16_t s_2 = divide(NODE_HEADING_SIN_2, level_sin, tilt->cos_2, FRAC);
     int16_t twist, part, cross_1, tilts, scaled, cross_2;
-    int16_t yaw_1, yaw_2, weight, difference, correction, fresh;
+    int16_t yaw_1, yaw_2, weight, difference, correction, fresh, opposite;
     bool defined;
 
     check_domain(c_1);
@@ -326,6 +326,8 @@ static int16_t yaw_of(const struct readings *r, const struct tilt *tilt)
     difference = publish(NODE_YAW_DIFFERENCE, subtract_wrapped(yaw_1, yaw_2));
     correction = multiply_unit(NODE_YAW_CORRECTION, weight, difference);
     fresh = publish(NODE_YAW_FRESH, add_wrapped(yaw_2, correction));
+    opposite = publish(NODE_YAW_FRESH, subtract_wrapped(0, fresh));
+    fresh = publish(NODE_YAW_FRESH, is_upside_down ? opposite : fresh);
     raise(YAW_HELD, !defined);
     state.yaw = publish(NODE_YAW, defined ? fresh : state.yaw);
     return state.yaw;
@@ -344,14 +346,35 @@ static void track_signs(int16_t down_square, int16_t field_z_square, bool produc
     state.started = true;
 }
 
-/* Half-space, and whether the readings agree with the Earth's field. */
-static void check_validity(const struct readings *r, int16_t down_square)
+/* The half-space, from what the readings and a third tilt axis tell of the z components. Returns whether
+ * the device is upside down, as far as a third axis makes that certain. */
+static bool find_half_space(int16_t down_square, int16_t field_z_square, bool product_negative,
+                            int8_t tilt_z)
+{
+    /* The sum has a fractional bit less, so that it fits. */
+    int16_t z_sum = publish(NODE_VERTICAL_SUM, round_shift((int32_t)down_square + field_z_square, 1));
+    bool is_steep = down_square < LEAST_DOWN;
+
+    track_signs(down_square, field_z_square, product_negative);
+    if ((int32_t)z_sum * 2 < LEAST_VERTICAL)
+        state.signs_lost = true;
+    if (tilt_z != 0 && !is_steep) {
+        state.down_negative = tilt_z > 0;
+        state.field_z_negative = state.down_negative != product_negative;
+        state.signs_lost = false;
+    }
+    raise(HALF_SPACE, is_steep || (tilt_z == 0 && (state.down_negative || state.signs_lost)));
+    return tilt_z != 0 && state.down_negative;
+}
+
+/* Whether the readings agree with the Earth's field, and the half-space. */
+static bool check_validity(const struct readings *r, int16_t down_square, int8_t tilt_z)
 {
     const uint8_t places = FRAC_SQUARE - FRAC;
     int32_t vertical = (int32_t)calibration.vertical << (FRAC_SQUARE - FRAC_UNIT);
     int32_t part = multiply_exact(NODE_READINGS_PART, r->b1, r->t1);
     int32_t sum = publish_wide(NODE_READINGS_SUM, limit31(vertical - part));
-    int16_t dip_product, field_z_square, z_sum, seen, expected, residual;
+    int16_t dip_product, field_z_square, seen, expected, residual;
 
     part = multiply_exact(NODE_READINGS_PART, r->b2, r->t2);
     dip_product = publish(NODE_DIP_PRODUCT, round_shift(sum - part, places));
@@ -360,33 +383,32 @@ static void check_validity(const struct readings *r, int16_t down_square)
     part = multiply_exact(NODE_READINGS_PART, r->b2, r->b2);
     field_z_square = publish(NODE_FIELD_Z_SQUARE, round_shift(sum - part, places));
 
-    track_signs(down_square, field_z_square, dip_product < 0);
-    /* The sum has a fractional bit less, so that it fits. */
-    z_sum = publish(NODE_VERTICAL_SUM, round_shift((int32_t)down_square + field_z_square, 1));
-    if ((int32_t)z_sum * 2 < LEAST_VERTICAL)
-        state.signs_lost = true;
-    raise(HALF_SPACE, state.down_negative || down_square < LEAST_DOWN || state.signs_lost);
-
     seen = multiply(NODE_RESIDUAL_PART, dip_product, dip_product);
     expected = multiply(NODE_RESIDUAL_PART, down_square, field_z_square);
     residual = subtract(NODE_RESIDUAL, seen, expected);
     residual = publish(NODE_RESIDUAL, magnitude_limited(residual));
     raise(DISTURBED, residual > RESIDUAL_LIMIT);
+    return find_half_space(down_square, field_z_square, dip_product < 0, tilt_z);
 }
 
-void solve(const int16_t averages[CHANNELS], struct solution *solution)
+void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution)
 {
     struct readings readings;
     struct tilt tilt;
+    int16_t roll, behind;
+    bool is_upside_down;
 
     flags = 0;
+    cardan_tap(NODE_TILT_Z, tilt_z);
     readings = calibrate(averages);
     tilt = tilt_of(&readings);
+    is_upside_down = check_validity(&readings, tilt.down_square, tilt_z);
     solution->pitch =
         publish(NODE_PITCH, subtract_wrapped(0, angle(readings.t1, tilt.cos_1, 0)));
-    solution->roll = publish(NODE_ROLL, angle(tilt.sin_roll, tilt.cos_roll, 0));
-    solution->yaw = yaw_of(&readings, &tilt);
-    check_validity(&readings, tilt.down_square);
+    roll = angle(tilt.sin_roll, tilt.cos_roll, 0);
+    behind = publish(NODE_ANGLE, subtract_wrapped(HALF_TURN, roll));
+    solution->roll = publish(NODE_ROLL, is_upside_down ? behind : roll);
+    solution->yaw = yaw_of(&readings, &tilt, is_upside_down);
     solution->flags = flags;
 }
 

@@ -126,7 +126,7 @@ static float co_function(float a, bool negative)
     return negative ? -magnitude : magnitude;
 }
 
-static float yaw_of(const struct readings *r, const struct tilt *tilt)
+static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_upside_down)
 {
     float vertical = calibration[VERTICAL];
     /* The level components of the field: over its horizontal part they are C cos_1 and S cos_2. */
@@ -159,17 +159,22 @@ static float yaw_of(const struct readings *r, const struct tilt *tilt)
     sum = square_1 + east_2 * east_2;
     is_defined = sum >= LEAST_EAST * (cross_1 * cross_1 + part * c_1);
     raise(YAW_HELD, !is_defined);
-    if (is_defined)
+    if (is_defined) {
         state.yaw = wrap(yaw_2 + divide(square_1, sum) * wrap(yaw_1 - yaw_2));
+        if (is_upside_down)
+            state.yaw = -state.yaw;
+    }
     return state.yaw;
 }
 
-/* Half-space, and whether the readings agree with the Earth's field. */
-static void check_validity(const struct readings *r, float down_square)
+/* Half-space, and whether the readings agree with the Earth's field. Returns whether the device is upside
+ * down, as far as a third tilt axis makes that certain. */
+static bool check_validity(const struct readings *r, float down_square, int8_t tilt_z)
 {
     float dip_product = calibration[VERTICAL] - r->b1 * r->t1 - r->b2 * r->t2;
     float field_z_square = 1 - r->b1 * r->b1 - r->b2 * r->b2;
     bool product_negative = dip_product < 0;
+    bool is_steep = down_square < LEAST_DOWN;
 
     if (!state.started)
         state.field_z_negative = product_negative;
@@ -180,23 +185,32 @@ static void check_validity(const struct readings *r, float down_square)
     state.started = true;
     if (down_square + field_z_square < LEAST_VERTICAL)
         state.signs_lost = true;
-    raise(HALF_SPACE, state.down_negative || down_square < LEAST_DOWN || state.signs_lost);
+    if (tilt_z != 0 && !is_steep) {
+        state.down_negative = tilt_z > 0;
+        state.field_z_negative = state.down_negative != product_negative;
+        state.signs_lost = false;
+    }
+    raise(HALF_SPACE, is_steep || (tilt_z == 0 && (state.down_negative || state.signs_lost)));
     raise(DISTURBED,
           fabsf(dip_product * dip_product - down_square * field_z_square) > RESIDUAL_LIMIT);
+    return tilt_z != 0 && state.down_negative;
 }
 
-void solve(const int16_t averages[CHANNELS], struct solution *solution)
+void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution)
 {
     struct readings readings;
     struct tilt tilt;
+    float roll;
+    bool is_upside_down;
 
     flags = 0;
     readings = calibrate(averages);
     tilt = tilt_of(&readings);
+    is_upside_down = check_validity(&readings, tilt.down_square, tilt_z);
     solution->pitch = to_half_turns(-asinf(clamp(readings.t1)));
-    solution->roll = to_half_turns(asinf(clamp(tilt.sin_roll)));
-    solution->yaw = to_half_turns(yaw_of(&readings, &tilt));
-    check_validity(&readings, tilt.down_square);
+    roll = asinf(clamp(tilt.sin_roll));
+    solution->roll = to_half_turns(is_upside_down ? PI - roll : roll);
+    solution->yaw = to_half_turns(yaw_of(&readings, &tilt, is_upside_down));
     solution->flags = flags;
 }
 

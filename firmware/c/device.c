@@ -304,7 +304,8 @@ static void send_text(uint16_t sequence, const struct solution *solution)
 /* ---- Settings: from EEPROM, else nominal sensors at the reference site. ---- */
 
 #define MAGIC 0xCA1D
-#define VERSION 2
+#define VERSION 3
+#define THIRD_TILT 1 /* an option: a third tilt axis is at the comparator */
 
 struct calibration_image {
     uint16_t magic;
@@ -312,6 +313,7 @@ struct calibration_image {
     uint8_t count;
     uint8_t averaging_log2;
     uint8_t period_log2;
+    uint8_t options;
     int32_t words[CALIBRATION_WORDS];
     uint16_t crc;
 };
@@ -325,6 +327,8 @@ static const int32_t NOMINAL[CALIBRATION_WORDS] = {
     527230031                     /* 1 / cosine */
 };
 
+static bool has_third_tilt;
+
 /* Starts the solver; returns the status bits that every frame gets. */
 static uint16_t start_solver(void)
 {
@@ -335,6 +339,7 @@ static uint16_t start_solver(void)
         image.averaging_log2 <= image.period_log2 && image.period_log2 >= LEAST_PERIOD_LOG2 &&
         image.period_log2 <= MOST_LOG2 && image.crc == crc16((const uint8_t *)&image, sizeof image - sizeof image.crc)) {
         start_averaging(image.averaging_log2, image.period_log2);
+        has_third_tilt = image.options & THIRD_TILT;
         solver_start(image.words);
         return 0;
     }
@@ -394,6 +399,14 @@ static bool obey(bool is_text)
     return is_text;
 }
 
+/* The third tilt axis: AIN0 above AIN1, mid supply, is upside down. */
+static int8_t tilt_z(void)
+{
+    if (!has_third_tilt)
+        return 0;
+    return ACSR & _BV(ACO) ? 1 : -1;
+}
+
 int main(void)
 {
     uint16_t always = start_solver();
@@ -413,7 +426,7 @@ int main(void)
         average(&averages);
         is_text = obey(is_text);
         PORTB |= _BV(PB5);
-        solve(averages.values, &solution);
+        solve(averages.values, tilt_z(), &solution);
         solution.flags |= always;
         if (averages.is_clipped)
             solution.flags |= SATURATION;

@@ -25,7 +25,7 @@ enum {
 /* Status bits of a frame. */
 enum {
     SATURATION = 1 << 0,   /* a code stood at either end of the scale */
-    HALF_SPACE = 1 << 1,   /* the device is, or may be, upside down */
+    HALF_SPACE = 1 << 1,   /* the sign of gravity along body z is not known, or upside down */
     DISTURBED = 1 << 2,    /* the readings contradict the Earth's field */
     UNCALIBRATED = 1 << 3, /* no calibration in EEPROM: nominal values */
     DOMAIN = 1 << 4,       /* an inverse function's argument beyond 1 by more than noise, or x / 0 */
@@ -44,7 +44,8 @@ struct solution {
 void solver_start(const int32_t calibration[CALIBRATION_WORDS]);
 /* Somebody knows that the device is upright now. */
 void solver_set_upright(void);
-/* The attitude from one solution's averages over full scale, with 15 fractional bits. */
-void solve(const int16_t averages[CHANNELS], struct solution *solution);
+/* The attitude from one solution's averages over full scale, with 15 fractional bits, and from what a
+ * third tilt axis tells: 1 upside down, -1 upright, 0 if none is fitted. */
+void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution);
 
 #endif

@@ -6,6 +6,9 @@
 //! Divisions: two for the roll, one for each heading, one for set 2's yaw, one for the weight. Set 2's
 //! tilt is never divided out: its matrix is taken times cos_2. Sines and cosines come from the
 //! readings, never from angles.
+//!
+//! Everything is computed for the upright half-space; where a third tilt axis tells that the device is
+//! upside down, yaw and roll are turned at the end (7.4).
 
 use cardan_datapath::{Arithmetic, Constant, Node, Value};
 use cardan_spec::{CHANNELS, DOMAIN_MARGIN, FIELD_RESIDUAL_LIMIT, flags};
@@ -15,14 +18,14 @@ use crate::averaging::Averages;
 use crate::calibration::Calibration;
 use crate::inverse;
 use crate::nodes::{
-    AsinArgument, Average, Centred, Cos1, Cos2, CosRoll, Cross1, Cross2, DipPart, DipProduct, Down,
-    DownSquare, EastX, FieldProduct, FieldX, FieldY, FieldZSquare, HeadingCos1, HeadingCos2,
-    HeadingMagnitude, HeadingSin1, HeadingSin2, LeastShare, LeastSum, LevelCos, LevelSin, LevelX,
-    LevelY, Limit, MatrixLength, MatrixTerm, NorthX, One, Pitch, Radicand, ReadingsPart,
-    ReadingsSum, Residual, ResidualPart, Rest, Roll, RollSquare, Scale, ScalePart, SinRoll, Square,
-    TiltCross, TiltProduct, TiltX, TiltY, Twist1, TwistPart, UnitArgument, Vertical, VerticalSum,
-    Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw, Yaw1, Yaw2, YawCorrection,
-    YawDifference, YawFresh,
+    Angle, AsinArgument, Average, Centred, Cos1, Cos2, CosRoll, Cross1, Cross2, DipPart,
+    DipProduct, Down, DownSquare, EastX, FieldProduct, FieldX, FieldY, FieldZSquare, HeadingCos1,
+    HeadingCos2, HeadingMagnitude, HeadingSin1, HeadingSin2, LeastShare, LeastSum, LevelCos,
+    LevelSin, LevelX, LevelY, Limit, MatrixLength, MatrixTerm, NorthX, One, Pitch, Radicand,
+    ReadingsPart, ReadingsSum, Residual, ResidualPart, Rest, Roll, RollSquare, Scale, ScalePart,
+    SinRoll, Square, TiltCross, TiltProduct, TiltX, TiltY, TiltZ, Twist1, TwistPart, UnitArgument,
+    Vertical, VerticalSum, Weight1, WeightPart, WeightSquare, WeightSum, WeightX, WeightY, Yaw,
+    Yaw1, Yaw2, YawCorrection, YawDifference, YawFresh,
 };
 
 macro_rules! constants {
@@ -103,23 +106,27 @@ struct Tilt<M: Arithmetic> {
     down_square: Value<M, DownSquare>,
 }
 
-/// Computes the attitude from one solution's averages. Status bits are raised in `m`.
+/// Computes the attitude from one solution's averages and from what the third tilt axis tells: 1 upside
+/// down, -1 upright, 0 if none is fitted. Status bits are raised in `m`.
 #[inline(always)]
 pub fn solve<M: Arithmetic>(
     m: &M,
     calibration: &Calibration<M>,
     state: &mut State<M>,
     averages: &Averages<M>,
+    tilt_z: i8,
 ) -> Angles<M> {
     m.raise(flags::SATURATION, m.truth(averages.clipped));
     let readings = calibrate(m, calibration, &averages.values);
     let tilt = tilt(m, &readings);
     let pitch = m.neg::<Pitch, _>(inverse::angle(m, readings.t1, tilt.cos_1, |x| same(m, x)));
+    let tilt_z: Value<M, TiltZ> = m.input::<TiltZ, 0>(i32::from(tilt_z));
+    let vertical = vertical(m, calibration, &readings, &tilt);
+    let upside_down = half_space(m, state, &vertical, tilt_z);
     let roll = inverse::angle(m, tilt.sin_roll, tilt.cos_roll, |x| same(m, x));
-    let roll: Value<M, Roll> = same(m, roll);
-    let yaw = yaw(m, calibration, state, &readings, &tilt);
-    validity(m, calibration, state, &readings, &tilt);
-    state.started = true;
+    let behind: Value<M, Angle> = inverse::half_turn_less(m, roll);
+    let roll: Value<M, Roll> = m.select(upside_down, behind, roll);
+    let yaw = yaw(m, calibration, state, &readings, &tilt, upside_down);
     Angles { yaw, pitch, roll }
 }
 
@@ -211,6 +218,7 @@ fn yaw<M: Arithmetic>(
     state: &mut State<M>,
     readings: &Readings<M>,
     tilt: &Tilt<M>,
+    upside_down: M::Bool,
 ) -> Value<M, Yaw> {
     let (t1, t2, b1, b2) = (readings.t1, readings.t2, readings.b1, readings.b2);
     // Level components of the field over its horizontal part: C cos_1 and S cos_2.
@@ -241,6 +249,8 @@ fn yaw<M: Arithmetic>(
     let difference: Value<M, YawDifference> = m.sub(yaw_1, yaw_2);
     let correction: Value<M, YawCorrection> = m.mul(weight, difference);
     let fresh: Value<M, YawFresh> = m.add(yaw_2, correction);
+    let opposite: Value<M, YawFresh> = m.neg(fresh);
+    let fresh: Value<M, YawFresh> = m.select(upside_down, opposite, fresh);
     let yaw = m.select(defined, fresh, state.yaw);
     m.raise(flags::YAW_HELD, m.not(defined));
     state.yaw = yaw;
@@ -334,15 +344,21 @@ fn weight<M: Arithmetic>(
     (weight, m.not(m.less(sum, least)))
 }
 
-/// Half-space (rule of [`flags::HALF_SPACE`]) and field residual.
+/// What the readings tell of the z components of gravity and field.
+struct Verticals<M: Arithmetic> {
+    down_square: Value<M, DownSquare>,
+    field_z_square: Value<M, FieldZSquare>,
+    product_negative: M::Bool,
+}
+
+/// Squares and product of the z components, and whether they agree with the calibrated field.
 #[inline(always)]
-fn validity<M: Arithmetic>(
+fn vertical<M: Arithmetic>(
     m: &M,
     calibration: &Calibration<M>,
-    state: &mut State<M>,
     readings: &Readings<M>,
     tilt: &Tilt<M>,
-) {
+) -> Verticals<M> {
     let vertical: Value<M, Vertical> = calibration.vertical;
     let part: Value<M, ReadingsPart> = m.mul(readings.b1, readings.t1);
     let sum: Value<M, ReadingsSum> = m.sub(vertical, part);
@@ -353,26 +369,6 @@ fn validity<M: Arithmetic>(
     let part: Value<M, ReadingsPart> = m.mul(readings.b2, readings.b2);
     let field_z_square: Value<M, FieldZSquare> = m.sub(sum, part);
 
-    let product_negative = m.negative(dip_product);
-    if state.started {
-        let down_smaller = m.less(tilt.down_square, field_z_square);
-        let down = m.xor(state.field_z_negative, product_negative);
-        let field_z = m.xor(state.down_negative, product_negative);
-        let before = state.down_negative;
-        state.down_negative = m.either(down_smaller, down, before);
-        state.field_z_negative = m.either(down_smaller, state.field_z_negative, field_z);
-    } else {
-        state.field_z_negative = product_negative;
-    }
-    let steep = m.less(tilt.down_square, m.constant::<Limit, LeastDown>());
-    let sum: Value<M, VerticalSum> = m.add(tilt.down_square, field_z_square);
-    let lost = m.less(sum, m.constant::<Limit, LeastVertical>());
-    state.signs_lost = m.or(state.signs_lost, lost);
-    m.raise(
-        flags::HALF_SPACE,
-        m.or(state.down_negative, m.or(steep, state.signs_lost)),
-    );
-
     let seen: Value<M, ResidualPart> = m.mul(dip_product, dip_product);
     let expected: Value<M, ResidualPart> = m.mul(tilt.down_square, field_z_square);
     let residual: Value<M, Residual> = m.sub(seen, expected);
@@ -381,4 +377,52 @@ fn validity<M: Arithmetic>(
         flags::DISTURBED,
         m.less(m.constant::<Limit, ResidualLimit>(), magnitude),
     );
+    Verticals {
+        down_square: tilt.down_square,
+        field_z_square,
+        product_negative: m.negative(dip_product),
+    }
+}
+
+/// The rule of [`flags::HALF_SPACE`]. Whether the device is upside down, as far as a third tilt axis
+/// makes that certain enough for the angles to be turned.
+#[inline(always)]
+fn half_space<M: Arithmetic>(
+    m: &M,
+    state: &mut State<M>,
+    vertical: &Verticals<M>,
+    tilt_z: Value<M, TiltZ>,
+) -> M::Bool {
+    let Verticals {
+        down_square,
+        field_z_square,
+        product_negative,
+    } = *vertical;
+    if state.started {
+        let down_smaller = m.less(down_square, field_z_square);
+        let down = m.xor(state.field_z_negative, product_negative);
+        let field_z = m.xor(state.down_negative, product_negative);
+        let before = state.down_negative;
+        state.down_negative = m.either(down_smaller, down, before);
+        state.field_z_negative = m.either(down_smaller, state.field_z_negative, field_z);
+    } else {
+        state.field_z_negative = product_negative;
+        state.started = true;
+    }
+    let steep = m.less(down_square, m.constant::<Limit, LeastDown>());
+    let sum: Value<M, VerticalSum> = m.add(down_square, field_z_square);
+    let lost = m.less(sum, m.constant::<Limit, LeastVertical>());
+    let lost = m.or(state.signs_lost, lost);
+
+    // What a third axis tells, where it is fitted and gravity is clear of its offset.
+    let (no, over) = (m.truth(false), m.less(m.constant::<TiltZ, Zero>(), tilt_z));
+    let fitted = m.or(m.negative(tilt_z), over);
+    let told = m.either(steep, no, fitted);
+    state.down_negative = m.either(told, over, state.down_negative);
+    let field_z = m.xor(over, product_negative);
+    state.field_z_negative = m.either(told, field_z, state.field_z_negative);
+    state.signs_lost = m.either(told, no, lost);
+    let outside = m.either(fitted, no, m.or(state.down_negative, state.signs_lost));
+    m.raise(flags::HALF_SPACE, m.or(steep, outside));
+    m.either(fitted, state.down_negative, no)
 }

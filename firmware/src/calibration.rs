@@ -2,7 +2,7 @@
 
 use cardan_datapath::{Arithmetic, Node, Value};
 use cardan_spec::calibration::{
-    AVERAGING_AT, FRAC, LEN, MAGIC, PERIOD_AT, VERSION, WORDS, WORDS_AT,
+    AVERAGING_AT, FRAC, LEN, MAGIC, OPTIONS_AT, PERIOD_AT, THIRD_TILT, VERSION, WORDS, WORDS_AT,
 };
 use cardan_spec::timing::Averaging;
 
@@ -16,6 +16,8 @@ pub struct Settings {
     pub words: [i32; WORDS],
     /// Lengths of averages and periods.
     pub averaging: Averaging,
+    /// A third tilt axis is fitted.
+    pub third_tilt: bool,
     /// There is no valid image: these are the nominal values.
     pub uncalibrated: bool,
 }
@@ -28,10 +30,12 @@ impl Settings {
         let mut settings = Self {
             words: NOMINAL,
             averaging: Averaging::DEFAULT,
+            third_tilt: false,
             uncalibrated: true,
         };
         if let Some(averaging) = valid(image) {
             settings.averaging = averaging;
+            settings.third_tilt = image[OPTIONS_AT] & THIRD_TILT != 0;
             settings.uncalibrated = false;
             let bytes = image[WORDS_AT..].chunks_exact(4);
             for (word, bytes) in settings.words.iter_mut().zip(bytes) {
@@ -50,6 +54,7 @@ impl Settings {
         image[3] = WORDS as u8;
         image[AVERAGING_AT] = self.averaging.log2();
         image[PERIOD_AT] = self.averaging.period_log2();
+        image[OPTIONS_AT] = if self.third_tilt { THIRD_TILT } else { 0 };
         for (bytes, word) in image[WORDS_AT..].chunks_exact_mut(4).zip(&self.words) {
             bytes.copy_from_slice(&word.to_le_bytes());
         }

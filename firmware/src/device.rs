@@ -60,10 +60,17 @@ impl<T: Tap> Solver<T> {
         &self.m
     }
 
-    /// Computes one solution.
+    /// Computes one solution. `tilt_z` is what the third tilt axis tells: 1 upside down, -1 upright, 0 if
+    /// none is fitted.
     #[inline(never)]
-    pub fn solve(&mut self, averages: &Averages<Deployed<T>>) -> Frame {
-        let angles = solve(&self.m, &self.calibration, &mut self.state, averages);
+    pub fn solve(&mut self, averages: &Averages<Deployed<T>>, tilt_z: i8) -> Frame {
+        let angles = solve(
+            &self.m,
+            &self.calibration,
+            &mut self.state,
+            averages,
+            tilt_z,
+        );
         let mut status = self.m.take_status();
         if averages.late {
             status |= flags::LATE;
@@ -113,9 +120,10 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
         }
     }
 
-    /// Solves and sends. Returns false if the line was still busy and the frame was not sent.
+    /// Solves and sends; `tilt_z` as for [`Solver::solve`]. Returns false if the line was still busy and
+    /// the frame was not sent.
     #[inline(never)]
-    pub fn solution(&mut self, averages: &Averages<Deployed<T>>) -> bool {
+    pub fn solution(&mut self, averages: &Averages<Deployed<T>>, tilt_z: i8) -> bool {
         match self.serial.receive() {
             Some(layout::COMMAND_TEXT) => self.text = true,
             Some(layout::COMMAND_BINARY) => self.text = false,
@@ -125,7 +133,7 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
         }
         // A pin of the reference boards cannot fail.
         let _ = self.solving.set_high();
-        let frame = self.solver.solve(averages);
+        let frame = self.solver.solve(averages, tilt_z);
         let _ = self.solving.set_low();
         if self.text {
             self.send_text(&frame)

@@ -79,10 +79,14 @@ fn assemble<M: Arithmetic>(
     let quarter = m.constant::<Half, QuarterTurn>();
     let complement: Value<M, Octant> = m.sub(quarter, octant);
     let quadrant: Value<M, Quadrant> = m.select(sine_smaller, octant, complement);
-    // 1 - quadrant, modulo a whole turn: -1 - quadrant is the same angle.
-    let half = m.constant::<Half, HalfTurn>();
-    let behind: Value<M, Angle> = m.sub(half, quadrant);
+    let behind = half_turn_less(m, quadrant);
     let upper: Value<M, Angle> = m.select(cosine_negative, behind, quadrant);
     let lower: Value<M, Angle> = m.neg(upper);
     m.select(sine_negative, lower, upper)
+}
+
+/// 1 - angle, modulo a whole turn: -1 - angle is the same.
+#[inline(always)]
+pub(crate) fn half_turn_less<M: Arithmetic, A: Node>(m: &M, angle: Value<M, A>) -> Value<M, Angle> {
+    m.sub(m.constant::<Half, HalfTurn>(), angle)
 }

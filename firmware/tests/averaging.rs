@@ -115,15 +115,16 @@ proptest! {
 
     #[test]
     fn settings_read_back_and_any_change_of_a_byte_makes_them_nominal(
-        averaging in every_averaging(), words: [i32; 15], at in 0..LEN, change in 1_u8..,
+        averaging in every_averaging(), words: [i32; 15], third_tilt: bool, at in 0..LEN, change in 1_u8..,
     ) {
-        let settings = Settings { words, averaging, uncalibrated: false };
+        let settings = Settings { words, averaging, third_tilt, uncalibrated: false };
         let mut image = settings.image();
         prop_assert_eq!(Settings::from_image(&image), settings);
         image[at] ^= change;
         let refused = Settings::from_image(&image);
         prop_assert!(refused.uncalibrated);
         prop_assert_eq!((refused.words, refused.averaging), (NOMINAL, Averaging::DEFAULT));
+        prop_assert!(!refused.third_tilt);
     }
 }
 
@@ -151,6 +152,7 @@ fn lengths_out_of_range_are_not_settings_even_with_a_good_checksum() {
     let settings = Settings {
         words: NOMINAL,
         averaging,
+        third_tilt: false,
         uncalibrated: false,
     };
     for (log2, period_log2) in [(5, 4), (0, 3), (13, 13), (4, 13), (255, 4)] {

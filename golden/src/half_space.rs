@@ -54,9 +54,19 @@ pub struct HalfSpace {
     lost: bool,
 }
 
+/// Where a solution is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Side {
+    /// The sign of gravity's z component is negative, or not known: the status bit.
+    pub is_flagged: bool,
+    /// A third tilt axis tells, or told before the device came near the horizon, that it is upside down.
+    pub is_upside_down: bool,
+}
+
 impl HalfSpace {
-    /// Takes the next solution; true when the device is, or may be, outside the upright half-space.
-    pub fn track(&mut self, vertical: &Vertical) -> bool {
+    /// Takes the next solution, and what a third tilt axis tells of it if one is fitted: whether it is
+    /// upside down.
+    pub fn track(&mut self, vertical: &Vertical, upside_down: Option<bool>) -> Side {
         let product_positive = vertical.dip_product >= 0.0;
         let mut signs = self.signs.unwrap_or(Signs {
             down_positive: true,
@@ -68,8 +78,18 @@ impl HalfSpace {
         } else {
             signs.field_positive = signs.down_positive == product_positive;
         }
-        self.signs = Some(signs);
         self.lost |= vertical.down_square + vertical.field_square < HALF_SPACE_LEAST_SUM;
-        !signs.down_positive || self.lost || vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE
+        let is_steep = vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE;
+        if let (Some(over), false) = (upside_down, is_steep) {
+            signs.down_positive = !over;
+            signs.field_positive = signs.down_positive == product_positive;
+            self.lost = false;
+        }
+        self.signs = Some(signs);
+        let is_fitted = upside_down.is_some();
+        Side {
+            is_flagged: is_steep || !is_fitted && (!signs.down_positive || self.lost),
+            is_upside_down: is_fitted && !signs.down_positive,
+        }
     }
 }

@@ -44,6 +44,12 @@ impl Golden {
         }
     }
 
+    /// What a third tilt axis tells from here on: whether the device is upside down; `None` (as at first)
+    /// where none is fitted.
+    pub fn third_tilt(&mut self, upside_down: Option<bool>) {
+        self.memory.upside_down = upside_down;
+    }
+
     /// Takes one conversion: the bipolar code (an integer, code - 512; for a voltage
     /// [`cardan_units::ideal_bipolar_code`]) and whether the converter may have clipped it. The
     /// first [`WARM_UP_BLOCKS`] blocks are ignored. `record` takes each node's index in

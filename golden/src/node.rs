@@ -46,6 +46,7 @@ indices!(
     AVERAGE,
     TILT_X,
     TILT_Y,
+    TILT_Z,
     FIELD_X,
     FIELD_Y,
     COS_1,

@@ -11,9 +11,13 @@ use crate::node;
 use crate::orders::{self, Heading, Tilt};
 use crate::rotation::{Angles, Attitude, EarthField, Readings, set_1_matrix};
 
-/// What one solution leaves for the next: the last defined yaw (0 at first) and the tracked signs.
+/// What one solution leaves for the next: the last defined yaw (0 at first) and the tracked signs; and
+/// what a third tilt axis tells.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
+    /// Whether a third tilt axis tells that the device is upside down; `None` where none is fitted. It
+    /// holds for every solution until it is changed.
+    pub upside_down: Option<bool>,
     yaw: HalfTurns,
     half_space: HalfSpace,
 }
@@ -25,7 +29,7 @@ pub struct Solution {
     pub yaw: HalfTurns,
     /// Set 1's pitch.
     pub pitch: HalfTurns,
-    /// Set 1's roll, of the upright half-space: -0.5..=0.5.
+    /// Set 1's roll, of the upright half-space: -0.5..=0.5; with a third tilt axis in -1..1.
     pub roll: HalfTurns,
     /// Status bits ([`cardan_spec::flags`]). The golden model never sets uncalibrated or late.
     pub flags: u16,
@@ -98,6 +102,8 @@ pub fn solve_readings(
 ) -> Solution {
     record(node::TILT_X, readings.tilt[0]);
     record(node::TILT_Y, readings.tilt[1]);
+    let sign = |over: bool| if over { 1.0 } else { -1.0 };
+    record(node::TILT_Z, memory.upside_down.map_or(0.0, sign));
     record(node::FIELD_X, readings.field[0]);
     record(node::FIELD_Y, readings.field[1]);
 
@@ -113,6 +119,9 @@ pub fn solve_readings(
     record(node::HEADING_COS_1, heading_1.cosine);
     record(node::HEADING_SIN_2, heading_2.sine);
 
+    let vertical = Vertical::of(readings, earth);
+    let side = memory.half_space.track(&vertical, memory.upside_down);
+
     let yaw_2 = in_set_1(&tilt_2, &heading_2);
     record(node::YAW_1, heading_1.yaw.0);
     record(node::YAW_2, yaw_2.0);
@@ -120,26 +129,29 @@ pub fn solve_readings(
         &tilt_1,
         &heading_1,
         yaw_2,
+        side.is_upside_down,
         &mut domain,
         &mut memory.yaw,
         record,
     );
 
+    let roll = HalfTurns::from_radians(libm::asin(tilt_1.sin_roll));
     let angles = Angles {
         yaw: memory.yaw,
         pitch: HalfTurns::from_radians(libm::asin(tilt_1.sin_pitch)),
-        roll: HalfTurns::from_radians(libm::asin(tilt_1.sin_roll)),
+        roll: match side.is_upside_down {
+            true => HalfTurns(1.0 - roll.0).wrapped(),
+            false => roll,
+        },
     };
     record(node::YAW, angles.yaw.0);
     record(node::PITCH, angles.pitch.0);
     record(node::ROLL, angles.roll.0);
 
-    let vertical = Vertical::of(readings, earth);
     record(node::DIP_PRODUCT, vertical.dip_product);
     record(node::FIELD_Z_SQUARE, vertical.field_square);
 
-    let outside = memory.half_space.track(&vertical);
-    let flags = bit(flags::HALF_SPACE, outside)
+    let flags = bit(flags::HALF_SPACE, side.is_flagged)
         | bit(flags::DISTURBED, vertical.is_disturbed())
         | bit(flags::DOMAIN, domain.was_left())
         | bit(flags::YAW_HELD, yaw_held);
@@ -162,12 +174,14 @@ fn in_set_1(tilt: &Tilt, heading: &Heading) -> HalfTurns {
     HalfTurns::from_radians(libm::atan2(matrix[(0, 1)], matrix[(0, 0)]))
 }
 
-/// Weighs the two yaws by the squares of east's body components (7.6) into `yaw`, or keeps it where
-/// it is undefined; true in the latter case.
+/// Weighs the two yaws by the squares of east's body components (7.6) into `yaw`, turned to the other
+/// attitude of the same readings (7.4) if the device is upside down, or keeps it where it is undefined;
+/// true in the latter case.
 fn combine(
     tilt_1: &Tilt,
     heading_1: &Heading,
     yaw_2: HalfTurns,
+    is_upside_down: bool,
     domain: &mut Domain,
     yaw: &mut HalfTurns,
     record: &mut impl FnMut(usize, f64),
@@ -179,7 +193,8 @@ fn combine(
     let held = east_square < YAW_LEAST_EAST_SQUARE;
     if !held {
         let difference = HalfTurns(heading_1.yaw.0 - yaw_2.0).wrapped();
-        *yaw = HalfTurns(yaw_2.0 + weight_1 * difference.0).wrapped();
+        let upright = yaw_2.0 + weight_1 * difference.0;
+        *yaw = HalfTurns(if is_upside_down { -upright } else { upright }).wrapped();
     }
     held
 }

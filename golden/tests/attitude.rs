@@ -7,7 +7,7 @@ use cardan_golden::{
     rotation_angle, set_1_matrix, set_2_matrix,
 };
 use cardan_spec::calibration::Calibration;
-use cardan_spec::{HALF_SPACE_LEAST_SUM, flags};
+use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM, flags};
 use cardan_units::HalfTurns;
 use nalgebra::{Matrix3, Rotation3, Vector3};
 use proptest::prelude::*;
@@ -77,6 +77,26 @@ proptest! {
             let error = HalfTurns(yaw - expected.0).wrapped().degrees().abs();
             prop_assert!(error < 1e-5, "{error:e}");
         }
+    }
+
+    #[test]
+    fn with_a_third_axis_every_attitude_off_the_horizon_comes_back_from_a_cold_start(
+        tilt in 0.0..180.0f64, azimuth in -180.0..180.0f64, spin in -180.0..180.0f64,
+    ) {
+        let truth = leaning(tilt, azimuth, spin);
+        let down = truth[(2, 2)];
+        prop_assume!(down * down > HALF_SPACE_LEAST_DOWN_SQUARE);
+        let mut memory = Memory::default();
+        memory.upside_down = Some(down < 0.0);
+        let readings = ideal_readings(&truth, EARTH);
+        let mut told = f64::NAN;
+        let solution = solve_readings(&readings, EARTH, &mut memory, &mut |index, value| {
+            told = if index == node::TILT_Z { value } else { told };
+        });
+        let error = rotation_angle(&solution.attitude, &truth).degrees();
+        prop_assert!(error < 1e-9, "{error:e}");
+        prop_assert_eq!(solution.flags, 0);
+        prop_assert_eq!(told, -down.signum());
     }
 
     #[test]

@@ -114,3 +114,32 @@ fn a_roll_about_the_north_axis_reads_as_a_swing_and_is_flagged_from_near_90_degr
         );
     }
 }
+
+/// The motion that four readings lose for good: with a third axis it is known again at once, and until
+/// then, near the horizon, tracked.
+#[test]
+fn with_a_third_axis_a_roll_about_the_north_axis_is_flagged_near_the_horizon_only() {
+    let mut memory = Memory::default();
+    for degree in 0..3 * 360 {
+        let truth = attitude(0.0, 0.0, f64::from(degree) + 0.25);
+        let down = truth[(2, 2)];
+        memory.upside_down = Some(down < 0.0);
+        let is_steep = down * down < HALF_SPACE_LEAST_DOWN_SQUARE;
+        assert_eq!(flagged(&truth, &mut memory), is_steep, "{degree}");
+    }
+}
+
+#[test]
+fn near_the_horizon_a_third_axis_is_not_believed_and_the_signs_are_tracked() {
+    let steep = attitude(40.0, 0.0, 85.0);
+    for upside_down in [false, true] {
+        let mut memory = Memory::default();
+        memory.upside_down = Some(false);
+        assert!(!flagged(&attitude(40.0, 0.0, 60.0), &mut memory));
+        memory.upside_down = Some(upside_down);
+        let readings = ideal_readings(&steep, EARTH);
+        let solution = solve_readings(&readings, EARTH, &mut memory, &mut |_, _| {});
+        assert_ne!(solution.flags & flags::HALF_SPACE, 0);
+        assert!((solution.roll.degrees() - 85.0).abs() < 1e-9);
+    }
+}

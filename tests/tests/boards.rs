@@ -9,7 +9,7 @@ use std::sync::OnceLock;
 use cardan_bench::app::Configuration;
 use cardan_bench::attitude::Attitude;
 use cardan_bench::image::Firmware;
-use cardan_bench::{App, Conversion, Engine, Sink, SinkError};
+use cardan_bench::{App, Conversion, Engine, Sink, SinkError, ThirdTilt};
 use cardan_firmware::calibration::Settings;
 use cardan_scenario::Scenario;
 use cardan_spec::flags;
@@ -22,6 +22,7 @@ const BOARDS: [&str; 3] = ["cortex-m0plus", "cortex-m4", "rv32imc"];
 /// Marks in the recording (`firmware/boards/replay`).
 const LATE: u16 = 1 << 15;
 const RECEIVED: u16 = 1 << 14;
+const THIRD_TILT: u16 = 1 << 13;
 
 /// What a device shows: words in order per node, and messages on the line.
 #[derive(Debug, Default, PartialEq, Eq)]
@@ -84,20 +85,49 @@ fn wild(sequence: u64) -> Conversion {
         direct_code: f64::NAN,
         late: false,
         lost: false,
+        // None where none is fitted.
+        third_tilt: match sequence / 64 % 3 {
+            0 if sequence % 64 == 63 => None,
+            side if sequence % 64 == 63 => Some(ThirdTilt {
+                upside_down: side == 1,
+                truly_upside_down: None,
+            }),
+            _ => None,
+        },
     }
+}
+
+/// Items of the recording for each solution: what the third tilt axis tells, then the codes.
+const SOLUTION_ITEMS: usize = 65;
+
+fn items(conversions: &[Conversion]) -> Vec<u16> {
+    let of_solution = |solution: &[Conversion]| {
+        let sign = match solution.last().and_then(|last| last.third_tilt) {
+            None => 0_u16,
+            Some(third) if third.upside_down => 1,
+            Some(_) => 0xff,
+        };
+        let codes = solution.iter().map(|conversion| conversion.code);
+        [THIRD_TILT | sign]
+            .into_iter()
+            .chain(codes)
+            .collect::<Vec<_>>()
+    };
+    conversions.chunks(64).flat_map(of_solution).collect()
 }
 
 /// A run of the emulated device with wild codes after it, and what the host computes of them.
 struct Reference {
     configuration: Configuration,
-    codes: Vec<u16>,
+    items: Vec<u16>,
     shown: Shown,
 }
 
 fn reference() -> &'static Reference {
     static REFERENCE: OnceLock<Reference> = OnceLock::new();
     REFERENCE.get_or_init(|| {
-        let scenario = Scenario::load("vibration").expect("is bundled");
+        let mut scenario = Scenario::load("vibration").expect("is bundled");
+        scenario.sensors.third_tilt = true;
         let image = Attitude.bundled(true).expect("is bundled");
         let firmware = Firmware::parse("tapped.elf", image).expect("an image");
         let (configuration, engine) = Attitude
@@ -109,9 +139,8 @@ fn reference() -> &'static Reference {
         conversions.extend((end..end + WILD_SOLUTIONS * 64).map(wild));
         let native = Attitude.native(&configuration, None).expect("fits");
         let shown = record(native, &conversions).shown;
-        let codes = conversions.iter().map(|conversion| conversion.code);
         Reference {
-            codes: codes.collect(),
+            items: items(&conversions),
             configuration,
             shown,
         }
@@ -175,6 +204,7 @@ fn recording(configuration: &Configuration, items: &[u16]) -> TempDir {
     let settings = Settings {
         words: words.try_into().expect("all words"),
         averaging: configuration.averaging(),
+        third_tilt: configuration.third_tilt,
         uncalibrated: false,
     };
     let mut bytes = settings.image().to_vec();
@@ -261,16 +291,16 @@ fn the_recording_has_plain_and_flagged_solutions_and_values_of_the_nodes_in_each
 #[test]
 fn every_board_gives_the_bits_of_the_host() {
     let Reference {
-        codes, shown: host, ..
+        items, shown: host, ..
     } = reference();
     for name in BOARDS {
-        let tapped = shown(name, "tapped", codes);
+        let tapped = shown(name, "tapped", items);
         assert_eq!(tapped.words.len(), host.words.len(), "{name}");
         for (number, (board, host)) in tapped.words.iter().zip(&host.words).enumerate() {
             assert_eq!(board, host, "{name}: write {number} (node, raw word)");
         }
         assert_eq!(tapped.sent, host.sent, "{name}");
-        let plain = shown(name, "plain", codes);
+        let plain = shown(name, "plain", items);
         assert!(plain.words.is_empty(), "{name}: plain images have no taps");
         assert_eq!(plain.sent, host.sent, "{name}");
     }
@@ -279,13 +309,13 @@ fn every_board_gives_the_bits_of_the_host() {
 #[test]
 fn one_step_of_one_code_is_seen() {
     let Reference {
-        codes, shown: host, ..
+        items, shown: host, ..
     } = reference();
-    let mut codes = codes.clone();
-    let last = codes.last_mut().expect("codes");
+    let mut items = items.clone();
+    let last = items.last_mut().expect("codes");
     *last ^= 1;
     for name in BOARDS {
-        let other = shown(name, "tapped", &codes);
+        let other = shown(name, "tapped", &items);
         assert_ne!(other.words, host.words, "{name}");
         let (before, after) = (&other.sent, &host.sent);
         assert_eq!(
@@ -300,12 +330,12 @@ fn one_step_of_one_code_is_seen() {
 #[test]
 fn late_conversions_and_commands_reach_the_device() {
     let Reference {
-        codes, shown: host, ..
+        items, shown: host, ..
     } = reference();
-    let mut items = codes.clone();
+    let mut items = items.clone();
     let end = items.len() - 1;
-    items[end - 64] |= LATE;
-    items.insert(end - 63, RECEIVED | u16::from(b't'));
+    items[end - SOLUTION_ITEMS] |= LATE;
+    items.insert(end - SOLUTION_ITEMS + 1, RECEIVED | u16::from(b't'));
     for name in BOARDS {
         let sent = shown(name, "plain", &items).sent;
         let [.., late, line] = &sent[..] else {
@@ -326,7 +356,7 @@ fn late_conversions_and_commands_reach_the_device() {
 fn a_recording_that_is_absent_or_ends_within_an_item_is_an_error() {
     let Reference {
         configuration,
-        codes,
+        items,
         ..
     } = reference();
     for name in BOARDS {
@@ -335,7 +365,7 @@ fn a_recording_that_is_absent_or_ends_within_an_item_is_an_error() {
             board(name).run("plain", absent.path()).status.code(),
             Some(1)
         );
-        let cut = recording(configuration, &codes[..100]);
+        let cut = recording(configuration, &items[..100]);
         let file = cut.path().join("replay.in");
         let mut bytes = fs::read(&file).expect("just written");
         bytes.pop();

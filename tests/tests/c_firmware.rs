@@ -118,7 +118,9 @@ fn the_attitude_in_c_has_every_bit_and_flag_also_upside_down_and_beside_a_magnet
     let elf = built(&folder, "attitude.elf");
     let tumble = ["motion.tumble.tilt_deg=180", "motion.tumble.tilt_hz=2"];
     let over = ["--set", tumble[0], "--set", tumble[1], "--seconds", "1"];
-    for more in [&over[..], &["--scenario", "magnet", "--seconds", "6"]] {
+    let fitted = [&over[..], &["--set", "sensors.third_tilt=true"]].concat();
+    let magnet = ["--scenario", "magnet", "--seconds", "6"];
+    for more in [&over[..], &fitted, &magnet] {
         let (code, document) = compare_with(&elf, more);
         assert_eq!(code, Some(0), "{more:?}");
         assert!(document["unflagged_solutions"].as_u64() < document["solutions"].as_u64());
@@ -150,6 +152,26 @@ fn a_changed_coefficient_fails_and_the_first_nodes_it_reaches_are_named() {
             "{name}: {wrong:?}"
         );
     }
+}
+
+#[test]
+fn a_third_axis_that_is_never_read_counts_as_lost_conversions() {
+    let folder = copy(|name, content| match name {
+        "device.c" => {
+            let changed = content.replace("ACSR & _BV(ACO) ? 1 : -1", "-1");
+            assert_ne!(changed, content);
+            changed
+        }
+        _ => content,
+    });
+    let more = ["--seconds", "0.3", "--set", "sensors.third_tilt=true"];
+    let (code, document) = compare_with(&built(&folder, "attitude.elf"), &more);
+    assert_eq!(code, Some(1));
+    assert_eq!(
+        document["emulator"]["lost_conversions"],
+        document["solutions"]
+    );
+    assert!(mismatches(&document).is_empty(), "the device is upright");
 }
 
 #[test]

@@ -59,7 +59,8 @@ fn main() -> Result<(), String> {
 
 /// The data flow of the solution; inputs do not matter to it.
 fn problem() -> Result<Problem, String> {
-    let steps: Vec<Vec<i32>> = (0..8).map(|at| vec![400 + at; 64]).collect();
+    let without_third_tilt = |at| [vec![400 + at; 64], vec![0]].concat();
+    let steps: Vec<Vec<i32>> = (0..8).map(without_third_tilt).collect();
     let datapath = AttitudeDatapath {
         words: NOMINAL,
         averaging: Averaging::DEFAULT,

@@ -121,6 +121,7 @@ pub fn measure(case: &Case) -> Result<Accuracy, String> {
     let settings = Settings {
         words: calibration_words(&nominal),
         averaging,
+        third_tilt: false,
         uncalibrated: false,
     };
     let calibration = calibration_of(&settings.words);
@@ -308,7 +309,7 @@ fn native(settings: &Settings, codes: &[u16]) -> Vec<Vec<u8>> {
     let mut solver = Solver::new(Silent, settings);
     let mut solve = |code: &u16| {
         let averages = decimator.push(&m, AdcCode(*code))?;
-        Some(solver.solve(&averages).encode().to_vec())
+        Some(solver.solve(&averages, 0).encode().to_vec())
     };
     codes.iter().filter_map(&mut solve).collect()
 }

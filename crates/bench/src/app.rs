@@ -21,6 +21,8 @@ pub struct Configuration {
     pub averaging_log2: u8,
     /// log2 of the conversions per channel from one solution to the next.
     pub period_log2: u8,
+    /// A third tilt axis is fitted.
+    pub third_tilt: bool,
 }
 
 impl Configuration {

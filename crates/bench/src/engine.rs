@@ -26,6 +26,18 @@ pub struct Conversion {
     pub late: bool,
     /// The firmware never saw the result.
     pub lost: bool,
+    /// With the last conversion of a solution, where a third tilt axis is fitted.
+    pub third_tilt: Option<ThirdTilt>,
+}
+
+/// What a third tilt axis tells of a solution.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ThirdTilt {
+    /// The comparator's output when the firmware read it for this solution: upside down. It is that of
+    /// the ideal voltage as well, since a comparator has no steps.
+    pub upside_down: bool,
+    /// The truth at that instant less the nominal group delay; none without a true attitude.
+    pub truly_upside_down: Option<bool>,
 }
 
 /// The true attitude at a solution's output instant.

@@ -12,4 +12,6 @@ mod engine;
 pub mod image;
 
 pub use app::App;
-pub use engine::{Conversion, Conversions, Engine, EngineError, Sink, SinkError, Summary, Truth};
+pub use engine::{
+    Conversion, Conversions, Engine, EngineError, Sink, SinkError, Summary, ThirdTilt, Truth,
+};

@@ -13,15 +13,16 @@ use cardan_spec::timing::Averaging;
 fn solutions(count: usize) -> Vec<Vec<i32>> {
     let mut state: u32 = 1;
     let mut solution = |at: usize| {
-        (0..64)
-            .map(|conversion| {
-                state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-                let noise = (state >> 24) as i32 % 9 - 4;
-                let phase = at as f64 / 90.0 + f64::from(conversion % 4) * 1.3;
-                let code = 512.0 + 420.0 * libm::sin(phase);
-                (code as i32 + noise).clamp(0, 1023)
-            })
-            .collect()
+        // Upside down half of the time, and now and then without a third axis.
+        let tilt_z = [1, -1, 0][at % 7 % 3];
+        let codes = (0..64).map(|conversion| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            let noise = (state >> 24) as i32 % 9 - 4;
+            let phase = at as f64 / 90.0 + f64::from(conversion % 4) * 1.3;
+            let code = 512.0 + 420.0 * libm::sin(phase);
+            (code as i32 + noise).clamp(0, 1023)
+        });
+        codes.chain([tilt_z]).collect()
     };
     (0..count).map(&mut solution).collect()
 }

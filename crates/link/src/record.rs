@@ -29,7 +29,7 @@ pub struct Conversion {
     pub code: u16,
     /// Multiplexer channel.
     pub channel: u8,
-    /// Bits of [`Conversion::LATE`] and [`Conversion::LOST`].
+    /// Bits of [`Conversion::LATE`] and those after it.
     pub flags: u8,
 }
 
@@ -38,6 +38,20 @@ impl Conversion {
     pub const LATE: u8 = 1;
     /// The result was overwritten before the firmware fetched it.
     pub const LOST: u8 = 2;
+    /// A third tilt axis was read with this conversion, the last of a solution.
+    pub const THIRD_TILT: u8 = 4;
+    /// It told that the device is upside down.
+    pub const UPSIDE_DOWN: u8 = 8;
+    /// The true attitude is known there.
+    pub const TRUTH: u8 = 16;
+    /// The device truly is upside down.
+    pub const TRULY_UPSIDE_DOWN: u8 = 32;
+
+    /// True when all of `bits` are set.
+    #[must_use]
+    pub const fn has(&self, bits: u8) -> bool {
+        self.flags & bits == bits
+    }
 
     /// True when the firmware never saw this code.
     #[must_use]

@@ -22,6 +22,8 @@ struct Attitude<'a> {
     words: &'a [i32; WORDS],
     codes: &'a [AdcCode],
     averaging: Averaging,
+    /// What a third tilt axis tells, from solution to solution and over again.
+    tilt_z: &'a [i8],
 }
 
 impl Algorithm for Attitude<'_> {
@@ -30,9 +32,11 @@ impl Algorithm for Attitude<'_> {
         let calibration = Calibration::new(m, self.words);
         let mut state = State::new(m);
         let mut decimator = Decimator::new(m, self.averaging);
+        let mut tilt_z = self.tilt_z.iter().cycle();
         let mut step = |code: &AdcCode| {
             let averages = decimator.push(m, *code)?;
-            solve(m, &calibration, &mut state, &averages);
+            let tilt_z = tilt_z.next().copied().unwrap_or(0);
+            solve(m, &calibration, &mut state, &averages, tilt_z);
             Some(m.take_status())
         };
         self.codes.iter().filter_map(&mut step).collect()
@@ -114,15 +118,16 @@ proptest! {
     #[test]
     fn every_node_equals_the_deployed_firmware(
         words in any_words(), codes in any_codes(), averaging in any_averaging(),
+        tilt_z in proptest::collection::vec(-1_i8..=1, 0..5),
     ) {
         let codes = with_warm_up(codes);
-        assert_equal(&Attitude { words: &words, codes: &codes, averaging });
+        assert_equal(&Attitude { words: &words, codes: &codes, averaging, tilt_z: &tilt_z });
     }
 
     #[test]
     fn a_prefix_quantises_its_nodes_and_no_other(codes in any_codes(), count in 0..=NODE_COUNT) {
         let codes = with_warm_up(codes);
-        let attitude = Attitude { words: &NOMINAL, codes: &codes, averaging: Averaging::DEFAULT };
+        let attitude = Attitude { words: &NOMINAL, codes: &codes, averaging: Averaging::DEFAULT, tilt_z: &[1] };
         let (_, found) = record(&attitude, &Formats::deployed(&NODES).unwrap().prefix(count));
         for index in 0..NODE_COUNT {
             let words = if index < count { found.values[index].len() } else { 0 };
@@ -145,6 +150,7 @@ fn the_corners_of_the_range_equal_the_deployed_firmware() {
         words: &NOMINAL,
         codes: &codes,
         averaging: Averaging::DEFAULT,
+        tilt_z: &[0, 1, -1],
     });
     let saturated =
         |(node, overflows): (&cardan_datapath::NodeInfo, &cardan_numerics::Overflows)| {
@@ -190,8 +196,22 @@ impl Ideal {
         .map(|share| share + offset)
     }
 
+    /// Gravity along body z.
+    fn down([_, pitch, roll]: [f64; 3]) -> f64 {
+        libm::cos(pitch.to_radians()) * libm::cos(roll.to_radians())
+    }
+
     /// Yaw, pitch and roll of every solution, in degrees. `disturb` moves the averages of a solution.
-    fn solve(&self, mut disturb: impl FnMut() -> [f64; CHANNELS]) -> Vec<[f64; 3]> {
+    fn solve(&self, disturb: impl FnMut() -> [f64; CHANNELS]) -> Vec<[f64; 3]> {
+        self.solve_as(false, disturb)
+    }
+
+    /// The same; with a third tilt axis each from a cold start, and none may be flagged.
+    fn solve_as(
+        &self,
+        third_tilt: bool,
+        mut disturb: impl FnMut() -> [f64; CHANNELS],
+    ) -> Vec<[f64; 3]> {
         let m = Mixed::new(&Formats::real(NODE_COUNT), Recorder::new(NODE_COUNT));
         let calibration = Calibration::new(&m, &NOMINAL);
         let mut state = State::new(&m);
@@ -203,8 +223,14 @@ impl Ideal {
                 clipped: false,
                 late: false,
             };
-            solve(&m, &calibration, &mut state, &averages);
-            assert_eq!(m.take_status() & !flags::HALF_SPACE, 0, "{attitude:?}");
+            let (tilt_z, admissible) = if third_tilt {
+                state = State::new(&m);
+                (if Self::down(*attitude) < 0.0 { 1 } else { -1 }, 0)
+            } else {
+                (0, flags::HALF_SPACE)
+            };
+            solve(&m, &calibration, &mut state, &averages, tilt_z);
+            assert_eq!(m.take_status() & !admissible, 0, "{attitude:?}");
         }
         let recording = m.into_observer().into_recording();
         let angle = |node: usize, at: usize| recording.values[node][at] * 180.0;
@@ -280,4 +306,23 @@ fn the_real_attitude_is_the_truth_to_the_polynomials_error() {
             worst[axis]
         );
     }
+}
+
+#[test]
+fn with_a_third_axis_every_attitude_off_the_horizon_is_right_from_a_cold_start() {
+    let mut attitudes = Vec::new();
+    for yaw in (-180..180).step_by(10) {
+        for pitch in (-70..=70).step_by(10) {
+            for roll in (-180..180).step_by(10) {
+                let off = |angle: i32, by: f64| f64::from(angle) + by;
+                attitudes.push([off(yaw, 0.013), off(pitch, 0.17), off(roll, 0.29)]);
+            }
+        }
+    }
+    attitudes.retain(|attitude| Ideal::down(*attitude).powi(2) > 0.031);
+    let upside_down = attitudes.iter().filter(|one| Ideal::down(**one) < 0.0);
+    assert!(upside_down.count() > attitudes.len() / 3);
+    let solved = Ideal(attitudes.clone()).solve_as(true, || [0.0; CHANNELS]);
+    let worst = worst_errors(&attitudes, &solved);
+    assert!(worst.iter().all(|&error| error < 1.15e-3), "{worst:?}");
 }

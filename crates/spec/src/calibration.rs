@@ -7,8 +7,9 @@
 //! | 3 | u8 | number of words, [`WORDS`] |
 //! | 4 | u8 | log2 of the conversions averaged per channel, 0 to 12 |
 //! | 5 | u8 | log2 of the conversions per channel from one solution to the next, 4 to 12, not less than the former |
-//! | 6 | i32 x WORDS | values with [`FRAC`] fractional bits, in the order of [`Calibration`]'s fields |
-//! | 6 + 4 WORDS | u16 | CRC-16/CCITT (as in frames) of everything before |
+//! | 6 | u8 | options: bit 0 ([`THIRD_TILT`]) a third tilt axis is fitted, all others 0 |
+//! | 7 | i32 x WORDS | values with [`FRAC`] fractional bits, in the order of [`Calibration`]'s fields |
+//! | 7 + 4 WORDS | u16 | CRC-16/CCITT (as in frames) of everything before |
 //!
 //! A device that finds anything else is uncalibrated: nominal values, 16 of 16 conversions averaged.
 //!
@@ -20,7 +21,7 @@
 /// First word of a valid image.
 pub const MAGIC: u16 = 0xCA1D;
 /// Layout version.
-pub const VERSION: u8 = 2;
+pub const VERSION: u8 = 3;
 /// Number of values.
 pub const WORDS: usize = 15;
 /// Fractional bits of every value: +-8 with a resolution of 4e-9.
@@ -31,8 +32,12 @@ pub const LEN: usize = WORDS_AT + 4 * WORDS + 2;
 pub const AVERAGING_AT: usize = 4;
 /// Offset of the log2 of the solution period.
 pub const PERIOD_AT: usize = 5;
+/// Offset of the options.
+pub const OPTIONS_AT: usize = 6;
+/// Option: a third tilt axis is fitted, at the controller's analog comparator.
+pub const THIRD_TILT: u8 = 1 << 0;
 /// Offset of the first value.
-pub const WORDS_AT: usize = 6;
+pub const WORDS_AT: usize = 7;
 
 /// The calibration as real numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -2,7 +2,8 @@
 
 /// A channel's code reached either end of the scale in this solution.
 pub const SATURATION: u16 = 1 << 0;
-/// The device is, or may be, outside the upright half-space that two tilt axes can resolve.
+/// The device is, or may be, where the sign of gravity's z component is not known: without a third
+/// tilt axis outside the upright half-space, with one near the horizon.
 ///
 /// Two readings of gravity leave the sign of its z component open, and so do two of the field; but
 /// the product of both is observable: q = v - b1 t1 - b2 t2 = d3 b3. While one factor passes zero
@@ -15,6 +16,13 @@ pub const SATURATION: u16 = 1 << 0;
 /// are lost until a reset or the command [`crate::frame::COMMAND_UPRIGHT`].
 /// The flag is set while sign(d3) < 0, or d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`], or the
 /// signs are lost.
+///
+/// A third tilt axis tells sign(d3), but for its offset and noise. Where it is fitted, in every
+/// solution after the above: unless d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`], sign(d3) is
+/// what it tells, sign(b3) := sign(d3) sign(q), and the signs are no longer lost. The flag is set
+/// while d3^2 is under that limit, and nowhere else. While sign(d3) < 0 the angles are those of the
+/// attitude that the readings stand for as well (sensors reference, 7.4): (yaw, pitch, roll) of the
+/// upright half becomes (-yaw, pitch, half a turn - roll).
 pub const HALF_SPACE: u16 = 1 << 1;
 /// The four readings contradict the calibrated Earth field.
 pub const DISTURBED: u16 = 1 << 2;

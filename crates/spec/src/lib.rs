@@ -59,7 +59,8 @@ pub const DOMAIN_MARGIN: f64 = 1.0 / 8.0;
 pub const YAW_LEAST_EAST_SQUARE: f64 = 0.01;
 
 /// The solution is flagged as outside the valid half-space when the squared cosine of the tilt is
-/// under this: 0.03 is a tilt of 80 degrees, where the sign of the vertical is no longer certain.
+/// under this: 0.03 is a tilt of 80 degrees, where the sign of the vertical is no longer certain. A
+/// third tilt axis feels 0.17 g there: more than its offset of 50 mg, noise and 0.1 g of motion.
 pub const HALF_SPACE_LEAST_DOWN_SQUARE: f64 = 0.03;
 
 /// The signs of the z components are lost when the sum of their squares (g^2 and |B|^2) is under

@@ -62,6 +62,9 @@ pub const AVERAGE: SharedNode = node("average", "fs", Writes::Channel);
 pub const TILT_X: SharedNode = node("tilt_x", "g", Writes::Once);
 /// t2: gravity along body y.
 pub const TILT_Y: SharedNode = node("tilt_y", "g", Writes::Once);
+/// What the third tilt axis tells: the sign of the specific force along body z, 1 upside down, -1
+/// upright; 0 where none is fitted.
+pub const TILT_Z: SharedNode = node("tilt_z", "1", Writes::Once);
 /// b1: field along body x.
 pub const FIELD_X: SharedNode = node("field_x", "B", Writes::Once);
 /// b2: field along body y.
@@ -94,13 +97,14 @@ pub const DIP_PRODUCT: SharedNode = node("dip_product", "B", Writes::Once);
 pub const FIELD_Z_SQUARE: SharedNode = node("field_z_square", "B", Writes::Once);
 
 /// All shared nodes in signal order.
-pub const SHARED: [SharedNode; 21] = [
+pub const SHARED: [SharedNode; 22] = [
     SAMPLE,
     ACCUMULATOR,
     MEAN,
     AVERAGE,
     TILT_X,
     TILT_Y,
+    TILT_Z,
     FIELD_X,
     FIELD_Y,
     COS_1,

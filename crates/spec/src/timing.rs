@@ -163,6 +163,10 @@ pub mod pins {
     /// Strobe of the tilt channels' track-and-hold pairs: the falling edge samples the positive
     /// half-cycle, the rising edge the negative. OC1B.
     pub const STROBE: &str = "PB2";
+    /// Positive input of the analog comparator: the third tilt channel, where fitted. AIN0.
+    pub const THIRD_TILT: &str = "PD6";
+    /// Negative input of the analog comparator: mid supply, where a third tilt channel is fitted. AIN1.
+    pub const MID_SUPPLY: &str = "PD7";
     /// High while a solution is computed; an oscilloscope, or a bench, sees load and deadlines.
     pub const SOLVING: &str = "PB5";
 }

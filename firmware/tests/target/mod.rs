@@ -206,7 +206,7 @@ pub(crate) fn solutions(mut is_good: impl FnMut(usize, &Frame) -> bool) -> bool 
             complete = decimator.push(&m, AdcCode(code(number, index)));
         }
         match complete {
-            Some(averages) if is_good(number, &solver.solve(&averages)) => {}
+            Some(averages) if is_good(number, &solver.solve(&averages, 0)) => {}
             _ => return false,
         }
     }
@@ -217,6 +217,7 @@ pub(crate) fn solutions(mut is_good: impl FnMut(usize, &Frame) -> bool) -> bool 
 pub(crate) const SETTINGS: Settings = Settings {
     words: NOMINAL,
     averaging: Averaging::DEFAULT,
+    third_tilt: false,
     uncalibrated: false,
 };
 

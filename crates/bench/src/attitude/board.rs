@@ -1,6 +1,10 @@
 //! The breadboard of the attitude sensor, wired like its schematic: the chip's pins PB1 (carrier)
 //! and PB2 (strobe) drive the front end, whose four outputs are ADC0..ADC3; PB5 shows when the
-//! firmware computes; the serial line ends in the sink.
+//! firmware computes; the serial line ends in the sink. Where a third tilt axis is fitted, its output
+//! is AIN0 (PD6), beside mid supply on AIN1 (PD7).
+//!
+//! The firmware reads the third axis after the last conversion of a solution. That conversion, and what
+//! follows it, waits here for the reading, so that it can be published with what belongs to it.
 
 use cardan_emulator::{AnalogInput, Conversion as Converted, Environment, Pin};
 use cardan_frontend::{AdcErrors, Frontend, Pin as DrivenPin};
@@ -11,12 +15,13 @@ use cardan_spec::nodes;
 use cardan_spec::timing::{
     Averaging, BLOCK_CONVERSIONS, BLOCK_CYCLES, CONVERSION_CYCLES, CPU_HZ, WARM_UP_BLOCKS,
 };
-use cardan_spec::{CHANNELS, Channel, frame};
+use cardan_spec::{CHANNELS, Channel, REFERENCE_V, frame};
 use cardan_units::{Cycles, Volts};
 
 use super::schedule::Schedule;
-use crate::engine::{Conversion, Sink, SinkError, Truth};
+use crate::engine::{Conversion, Sink, SinkError, ThirdTilt, Truth};
 use crate::image::TapTable;
+use std::collections::VecDeque;
 use std::sync::Arc;
 
 /// Longest message kept while waiting for its delimiter: a text line or a broken frame.
@@ -24,6 +29,9 @@ const LONGEST_MESSAGE: usize = 64;
 
 /// Conversions before the first period.
 const WARM_UP_CONVERSIONS: u64 = (WARM_UP_BLOCKS * BLOCK_CONVERSIONS) as u64;
+
+/// What the third tilt channel is compared with.
+const MID_SUPPLY_V: f64 = REFERENCE_V / 2.0;
 
 /// The pins by which the firmware drives the board.
 const CARRIER: Pin = Pin::b(1);
@@ -43,6 +51,8 @@ pub(super) struct Board<'a> {
     /// Solutions of the run.
     pub(super) solutions: u64,
     pub(super) averaging: Averaging,
+    /// The firmware knows of a third tilt axis.
+    pub(super) third_tilt: bool,
     pub(super) state: State,
 }
 
@@ -60,8 +70,11 @@ pub(super) struct State {
     pub(super) lost: u64,
     pub(super) missed_deadlines: u64,
     pub(super) schedule: Schedule,
+    /// Conversions from the last one of a solution on, whose third axis is not read yet.
+    waiting: VecDeque<Conversion>,
+    third_tilt_read: Option<u64>,
     /// Cycles at which the conversions of the solutions that are not finished were complete.
-    pending: std::collections::VecDeque<u64>,
+    pending: VecDeque<u64>,
     pub(super) error: Option<SinkError>,
 }
 
@@ -85,6 +98,76 @@ impl Board<'_> {
             .truth_at(t_s.max(0.0))
             .and_then(|m| codes_of(&ideal_readings(&m, earth), &self.calibration))
             .map_or(f64::NAN, |codes| codes[channel])
+    }
+
+    /// The voltage of the third tilt channel, mid supply where none is fitted.
+    fn third_volts(&mut self, cycle: u64) -> f64 {
+        match self.frontend.third_tilt(Cycles(cycle)) {
+            Ok(volts) => volts.map_or(MID_SUPPLY_V, |volts| volts.0),
+            Err(error) => {
+                self.keep(Err(error.into()));
+                MID_SUPPLY_V
+            }
+        }
+    }
+
+    /// The third axis is read, for the solution that waits for it, if any.
+    fn third_tilt_read(&mut self, cycle: u64, volts: f64) {
+        // One look of the program may ask twice.
+        if self.state.third_tilt_read.replace(cycle) == Some(cycle) {
+            return;
+        }
+        let Some(mut last) = self.state.waiting.pop_front() else {
+            return;
+        };
+        let t_s = Cycles(cycle).seconds(CPU_HZ) - self.frontend.design().group_delay_s();
+        let truth = self.trajectory.truth_at(t_s.max(0.0));
+        last.third_tilt = Some(ThirdTilt {
+            upside_down: volts > MID_SUPPLY_V,
+            // Gravity's component along body z.
+            truly_upside_down: truth.map(|attitude| attitude[(2, 2)] < 0.0),
+        });
+        self.publish(&last);
+        while let Some(next) = self.state.waiting.front().copied() {
+            if self.completes(&next) {
+                return;
+            }
+            self.state.waiting.pop_front();
+            self.publish(&next);
+        }
+    }
+
+    /// The firmware has not read the third axis for the solution that waits for it: what it would have
+    /// read counts as a lost conversion.
+    fn third_tilt_missed(&mut self, cycle: u64) {
+        if let Some(last) = self.state.waiting.front_mut() {
+            last.lost = true;
+            self.state.lost += 1;
+            let volts = self.third_volts(cycle);
+            self.third_tilt_read(cycle, volts);
+        }
+    }
+
+    /// The run has ended at `cycle`.
+    pub(super) fn finish(&mut self, cycle: u64) {
+        while !self.state.waiting.is_empty() && self.state.error.is_none() {
+            self.third_tilt_missed(cycle);
+        }
+    }
+
+    fn publish(&mut self, conversion: &Conversion) {
+        let result = self.sink.conversion(conversion);
+        self.keep(result);
+    }
+
+    /// Position in its period; none in the warm-up.
+    fn index(&self, conversion: &Conversion) -> Option<usize> {
+        let settled = conversion.sequence.checked_sub(WARM_UP_CONVERSIONS)?;
+        Some(settled as usize % self.averaging.conversions())
+    }
+
+    fn completes(&self, conversion: &Conversion) -> bool {
+        self.index(conversion) == Some(self.averaging.conversions() - 1)
     }
 
     /// A solution's conversions are complete: its output instant is the centre of the hold instants
@@ -134,6 +217,12 @@ impl Environment for Board<'_> {
     fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
         let channel = match input {
             AnalogInput::Pin(pin) => Channel::ALL.get(usize::from(pin)),
+            AnalogInput::Ain0 => {
+                let volts = self.third_volts(cycle);
+                self.third_tilt_read(cycle, volts);
+                return volts;
+            }
+            AnalogInput::Ain1 => return MID_SUPPLY_V,
             _ => None,
         };
         // Unconnected inputs read 0 V.
@@ -193,13 +282,20 @@ impl Environment for Board<'_> {
             direct_code: self.direct_code(event.hold_cycle, usize::from(channel)),
             late,
             lost,
+            third_tilt: None,
         };
-        let result = self.sink.conversion(&conversion);
-        self.keep(result);
-        let Some(settled) = sequence.checked_sub(WARM_UP_CONVERSIONS) else {
+        let waits = self.third_tilt && self.completes(&conversion);
+        if waits {
+            self.third_tilt_missed(event.done_cycle);
+        }
+        if waits || !self.state.waiting.is_empty() {
+            self.state.waiting.push_back(conversion);
+        } else {
+            self.publish(&conversion);
+        }
+        let Some(index) = self.index(&conversion) else {
             return;
         };
-        let index = settled as usize % self.averaging.conversions();
         if self.averaging.counts(index) {
             self.state.hold_sum += u128::from(event.hold_cycle);
         }

@@ -11,7 +11,7 @@ use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_units::AdcCode;
 
 /// The attitude with these calibration words; a step's inputs are the codes of one period, in the
-/// order of conversion.
+/// order of conversion, and what the third tilt axis tells (1, -1; 0 where none is fitted).
 #[derive(Clone, Debug)]
 pub struct AttitudeDatapath {
     /// Words of the EEPROM image.
@@ -44,11 +44,15 @@ impl Datapath for AttitudeDatapath {
     }
 
     fn step<M: Arithmetic>(&self, m: &M, state: &mut State<M>, inputs: &[i32]) {
-        for &code in inputs {
+        let Some((&tilt_z, codes)) = inputs.split_last() else {
+            return;
+        };
+        for &code in codes {
             // Codes have ten bits.
             let code = AdcCode(code as u16);
             if let Some(averages) = state.decimator.push(m, code) {
-                solve(m, &state.calibration, &mut state.state, &averages);
+                let (calibration, memory) = (&state.calibration, &mut state.state);
+                solve(m, calibration, memory, &averages, tilt_z.signum() as i8);
             }
         }
     }

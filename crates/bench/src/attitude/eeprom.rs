@@ -15,11 +15,20 @@ pub(super) fn settings_for(
     trajectory: &Trajectory,
     firmware: &Firmware,
 ) -> Result<Settings, String> {
+    let is_fitted = scenario.sensors.third_tilt;
     match &firmware.eeprom {
-        Some(image) => settings(image),
+        Some(image) => match settings(image)? {
+            settings if settings.third_tilt && !is_fitted => Err(format!(
+                "{}: says that a third tilt axis is fitted, which scenario {} does not fit: set \
+                 sensors.third_tilt to true, or give the image of a device without one",
+                image.name, scenario.name
+            )),
+            settings => Ok(settings),
+        },
         None => Ok(Settings {
             words: calibration_words(&report::calibration(scenario, trajectory)),
             averaging: scenario.controller.averaging(),
+            third_tilt: is_fitted,
             uncalibrated: false,
         }),
     }
@@ -86,6 +95,7 @@ mod tests {
         Settings {
             words: std::array::from_fn(|i| i as i32 * 1_000_003),
             averaging: Averaging::new(7, 9).unwrap(),
+            third_tilt: true,
             uncalibrated: false,
         }
     }

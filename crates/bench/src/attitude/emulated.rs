@@ -30,6 +30,7 @@ pub(super) struct EmulatedEngine {
     calibration: Calibration,
     solutions: u64,
     averaging: Averaging,
+    third_tilt: bool,
 }
 
 impl EmulatedEngine {
@@ -55,6 +56,7 @@ impl EmulatedEngine {
             calibration: calibration_of(&settings.words),
             solutions: configuration.solutions,
             averaging: settings.averaging,
+            third_tilt: settings.third_tilt,
         })
     }
 
@@ -77,12 +79,14 @@ impl Engine for EmulatedEngine {
             sink,
             solutions: self.solutions,
             averaging: self.averaging,
+            third_tilt: self.third_tilt,
             state: State::default(),
         };
         let limit = WARM_UP_BLOCKS as u64 * BLOCK_CYCLES
             + self.solutions * self.averaging.cycles()
             + LAST_FRAME_CYCLES;
         let stop = self.machine.run(&mut board, limit);
+        board.finish(self.machine.statistics().cycles);
         if let Some(error) = board.state.error.take() {
             return Err(EngineError::Link(error));
         }

@@ -47,6 +47,11 @@ impl Engine for GoldenEngine {
             // Only real codes can clip; the other feeds have no rails.
             let clipped = self.feed == Feed::Codes && code.is_clipped();
             self.golden
+                .third_tilt(conversion.third_tilt.and_then(|third| match self.feed {
+                    Feed::Codes | Feed::IdealVolts => Some(third.upside_down),
+                    Feed::Direct => third.truly_upside_down,
+                }));
+            self.golden
                 .convert(*channel, fed, clipped, &mut |node, value| {
                     writes.push((node, value));
                 });

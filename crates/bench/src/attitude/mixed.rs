@@ -14,6 +14,7 @@ use cardan_numerics::{Formats, Mixed, Observer};
 use cardan_spec::frame::FRAC;
 use cardan_units::AdcCode;
 
+use super::tilt_z;
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 
 /// A node, its value, and its word where it has one.
@@ -134,7 +135,7 @@ impl Engine for MixedEngine {
             let conversion = conversion?;
             let averages = decimator.push(m, AdcCode(conversion.code));
             let solved = averages.map(|averages| {
-                let angles = solve(m, &calibration, &mut state, &averages);
+                let angles = solve(m, &calibration, &mut state, &averages, tilt_z(&conversion));
                 (averages, angles)
             });
             self.pass_on(conversion.cycle, sink)?;

@@ -31,7 +31,7 @@ use cardan_tune::Problem;
 
 use crate::app::{App, Configuration, Feed, RecordedRun, Tolerance};
 use crate::calibration::{CalibrateError, Calibrated, Request};
-use crate::engine::Engine;
+use crate::engine::{Conversion, Engine, ThirdTilt};
 use crate::image::{EepromImage, Firmware};
 
 /// The reference application.
@@ -70,6 +70,7 @@ fn settings_of(configuration: &Configuration) -> Settings {
     Settings {
         words: words_of(configuration),
         averaging: configuration.averaging(),
+        third_tilt: configuration.third_tilt,
         uncalibrated: false,
     }
 }
@@ -81,6 +82,7 @@ fn configuration_of(settings: &Settings, seconds: f64) -> Result<Configuration, 
         solutions: solutions_in(seconds, settings.averaging)?,
         averaging_log2: settings.averaging.log2(),
         period_log2: settings.averaging.period_log2(),
+        third_tilt: settings.third_tilt,
     })
 }
 
@@ -208,6 +210,12 @@ impl App for Attitude {
     fn attitude_nodes(&self) -> [usize; 3] {
         [Yaw::INDEX, Pitch::INDEX, Roll::INDEX]
     }
+}
+
+/// What the solver takes with the conversion that completes a solution.
+fn tilt_z(conversion: &Conversion) -> i8 {
+    let sign = |third: ThirdTilt| if third.upside_down { 1 } else { -1 };
+    conversion.third_tilt.map_or(0, sign)
 }
 
 fn formats_of(formats: Option<&[Format]>) -> Result<Formats, String> {

@@ -69,13 +69,21 @@ fn case(run: &RecordedRun) -> Result<Case, String> {
     let conversions = run.conversions.get(settled..).unwrap_or_default();
     let steps: Vec<Vec<i32>> = conversions
         .chunks_exact(averaging.conversions())
-        .map(|solution| solution.iter().map(|c| i32::from(c.code)).collect())
+        .map(|solution| {
+            let last = solution.last().map_or(0, super::tilt_z);
+            let codes = solution.iter().map(|c| i32::from(c.code));
+            codes.chain([i32::from(last)]).collect()
+        })
         .collect();
     let words = words_of(&run.configuration);
     let recorded = Case::record(&run.name, &AttitudeDatapath { words, averaging }, &steps);
     let mut case = recorded.map_err(|error| format!("{}: {error}", run.name))?;
     let (lowest, highest) = (AdcCode(0).bipolar(), AdcCode(1023).bipolar());
     case.ports = vec![(lowest.into(), highest.into()); case.ports.len()];
+    // The third tilt axis comes last. A device without one must not lose the node that others need.
+    if let Some(third) = case.ports.last_mut() {
+        *third = (-1, 1);
+    }
     case.channels = CHANNELS;
     case.references = golden_angles(run)?;
     case.truths = true_angles(&run.truths, steps.len());

@@ -11,9 +11,11 @@ pub(crate) mod native;
 use std::time::Duration;
 
 use cardan_bench::app::Configuration;
-use cardan_bench::{Conversion, SinkError};
+use cardan_bench::{Conversion, SinkError, ThirdTilt};
 use cardan_link::stream::Conversions;
-use cardan_link::{BlobReader, LinkError, Options, Role, Session, SessionId, Transport};
+use cardan_link::{
+    BlobReader, Conversion as Record, LinkError, Options, Role, Session, SessionId, Transport,
+};
 use clap::Args;
 
 use crate::failure::Failure;
@@ -88,7 +90,7 @@ fn conversions(session: &Session) -> Result<Vec<Conversion>, Failure> {
         .collect())
 }
 
-fn from_link(record: &cardan_link::Conversion) -> Conversion {
+fn from_link(record: &Record) -> Conversion {
     Conversion {
         sequence: record.sequence,
         cycle: record.cycle,
@@ -98,20 +100,33 @@ fn from_link(record: &cardan_link::Conversion) -> Conversion {
         direct_code: record.direct_code,
         late: record.is_late(),
         lost: record.is_lost(),
+        third_tilt: record.has(Record::THIRD_TILT).then(|| ThirdTilt {
+            upside_down: record.has(Record::UPSIDE_DOWN),
+            truly_upside_down: record
+                .has(Record::TRUTH)
+                .then(|| record.has(Record::TRULY_UPSIDE_DOWN)),
+        }),
     }
 }
 
-fn to_link(conversion: &Conversion) -> cardan_link::Conversion {
+fn to_link(conversion: &Conversion) -> Record {
     let flag = |set: bool, bit: u8| if set { bit } else { 0 };
-    cardan_link::Conversion {
+    let third = conversion.third_tilt;
+    let upside_down = third.is_some_and(|third| third.upside_down);
+    let truth = third.and_then(|third| third.truly_upside_down);
+    Record {
         sequence: conversion.sequence,
         cycle: conversion.cycle,
         ideal_volts: conversion.ideal_volts,
         direct_code: conversion.direct_code,
         code: conversion.code,
         channel: conversion.channel,
-        flags: flag(conversion.late, cardan_link::Conversion::LATE)
-            | flag(conversion.lost, cardan_link::Conversion::LOST),
+        flags: flag(conversion.late, Record::LATE)
+            | flag(conversion.lost, Record::LOST)
+            | flag(third.is_some(), Record::THIRD_TILT)
+            | flag(upside_down, Record::UPSIDE_DOWN)
+            | flag(truth.is_some(), Record::TRUTH)
+            | flag(truth == Some(true), Record::TRULY_UPSIDE_DOWN),
     }
 }
 

@@ -9,6 +9,7 @@
 #![feature(abi_avr_interrupt, asm_experimental_arch)]
 
 mod adc;
+mod comparator;
 mod eeprom;
 mod memory;
 mod shared;
@@ -55,7 +56,7 @@ fn main() -> ! {
     unsafe { avr_device::interrupt::enable() };
     loop {
         if let Some(averages) = window.add(&ARITHMETIC, &shared::wait()) {
-            device.solution(&averages);
+            device.solution(&averages, comparator::tilt_z(settings.third_tilt));
         }
     }
 }

@@ -2,7 +2,8 @@
 //!
 //! First the settings as they stand in EEPROM (`cardan_spec::calibration`), then 16-bit items to
 //! the end of the file: a conversion (bits 0..=9 the code, bit 15 set if it was triggered late), or,
-//! with bit 14 set, a byte that the serial line received (bits 0..=7).
+//! with bit 14 set, a byte that the serial line received (bits 0..=7), or, with bit 13 set, what the third
+//! tilt axis tells from here on (bits 0..=7: 1 upside down, -1 upright, 0 none is fitted, as at first).
 
 use core::ffi::CStr;
 
@@ -18,6 +19,8 @@ pub const FILE: &CStr = c"replay.in";
 const LATE: u16 = 1 << 15;
 /// Marks a received byte.
 const RECEIVED: u16 = 1 << 14;
+/// Marks what the third tilt axis tells.
+const THIRD_TILT: u16 = 1 << 13;
 /// The code's bits.
 const CODE: u16 = (1 << 10) - 1;
 /// Bytes that are asked for at a time.
@@ -29,6 +32,8 @@ pub enum Item {
     Conversion(Recorded),
     /// A received byte.
     Received(u8),
+    /// What the third tilt axis tells.
+    ThirdTilt(i8),
 }
 
 /// The open file.
@@ -68,6 +73,8 @@ impl Input {
         let word = u16::from_le_bytes([low, high]);
         Ok(Some(if word & RECEIVED != 0 {
             Item::Received(low)
+        } else if word & THIRD_TILT != 0 {
+            Item::ThirdTilt(low.cast_signed())
         } else {
             Item::Conversion(Recorded {
                 code: word & CODE,
