@@ -55,6 +55,7 @@ fn settings(seed: i32) -> Settings {
     Settings {
         words: NOMINAL.map(|word| word.wrapping_add(seed)),
         averaging: Averaging::new(3, 5).expect("admissible"),
+        third_tilt: true,
         uncalibrated: false,
     }
 }

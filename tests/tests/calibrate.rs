@@ -5,6 +5,8 @@ use std::io::{BufRead, BufReader, Write as _};
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
+use cardan_firmware::frame::crc16;
+use cardan_spec::calibration::{LEN, OPTIONS_AT, THIRD_TILT};
 use cardan_tests::program::{announced, folder, text, write};
 use cardan_tests::{assert_refused, cardan, root, run, stderr};
 use serde_json::Value;
@@ -313,7 +315,12 @@ fn eeprom_files_that_hold_no_calibration_are_refused_with_the_reason() {
         bytes[at] ^= 0x11;
         bytes
     };
+    let mut third = bytes.clone();
+    third[OPTIONS_AT] = THIRD_TILT;
+    let crc = crc16(&third[..LEN - 2]);
+    third[LEN - 2..LEN].copy_from_slice(&crc.to_le_bytes());
     let cases = [
+        ("third.bin", third, "sensors.third_tilt"),
         ("short.bin", bytes[..20].to_vec(), "20 bytes"),
         ("magic.bin", changed(0), "magic"),
         ("version.bin", changed(2), "layout version"),

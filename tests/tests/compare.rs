@@ -53,6 +53,31 @@ fn without_noise_the_attitude_is_right_to_0_3_degrees() {
 }
 
 #[test]
+fn with_a_third_tilt_axis_every_attitude_is_told_and_without_it_hardly_any() {
+    let run = |fitted: &str| {
+        let over = ["compare", "--json", "--quiet", "--scenario", "somersault"];
+        document(&[&over[..], &["--seconds", "6", "--set", fitted]].concat())
+    };
+    let share = |document: &Value| {
+        let count = |key: &str| document[key].as_f64().expect("a count");
+        count("unflagged_solutions") / count("solutions")
+    };
+    let with = run("sensors.third_tilt=true");
+    for node in with["nodes"].as_array().expect("an array") {
+        let bits = &node["native_vs_emulated"];
+        assert_eq!(bits["mismatches"], 0, "{}", node["name"]);
+        assert!(bits["compared"].as_u64() >= Some(700), "{}", node["name"]);
+    }
+    assert_eq!(with["emulator"]["lost_conversions"], 0);
+    assert_eq!(with["error_budget"]["compiled"], 0.0);
+    let rms = with["attitude"]["total"]["rms_deg"].as_f64();
+    assert!(rms < Some(3.0), "{rms:?} degrees");
+    assert!(share(&with) > 0.85, "{}", share(&with));
+    let without = run("sensors.third_tilt=false");
+    assert!(share(&without) < 0.1, "{}", share(&without));
+}
+
+#[test]
 fn the_same_seed_gives_the_same_document_and_another_seed_another() {
     let run = |seed: &str| {
         without_host_times(document(

@@ -18,12 +18,13 @@ use crate::syntax;
 use crate::tumble::Tumble;
 
 /// Bundled scenarios: name and text.
-pub const BUNDLED: [(&str, &str); 9] = [
+pub const BUNDLED: [(&str, &str); 10] = [
     ("tumble", include_str!("../scenarios/tumble.toml")),
     (
         "tumble-quiet",
         include_str!("../scenarios/tumble-quiet.toml"),
     ),
+    ("somersault", include_str!("../scenarios/somersault.toml")),
     ("static", include_str!("../scenarios/static.toml")),
     ("sweep", include_str!("../scenarios/sweep.toml")),
     ("step", include_str!("../scenarios/step.toml")),

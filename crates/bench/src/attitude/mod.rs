@@ -127,7 +127,7 @@ impl App for Attitude {
     }
 
     fn tolerances(&self, configuration: &Configuration) -> Vec<Tolerance> {
-        tolerances::of(configuration.averaging())
+        tolerances::of(configuration)
     }
 
     fn solution_seconds(&self, configuration: &Configuration) -> f64 {
