@@ -176,7 +176,10 @@ fn every_parameter_is_checked_at_both_ends_of_its_range() {
 #[test]
 fn an_unknown_scenario_is_told_with_the_bundled_names() {
     let found = Scenario::load("tumbel").expect_err("unknown").to_string();
-    assert!(found.contains("tumble, tumble-quiet, somersault, static"), "{found}");
+    assert!(
+        found.contains("tumble, tumble-quiet, somersault, static"),
+        "{found}"
+    );
     assert!(found.contains("did you mean 'tumble'?"), "{found}");
     let found = Scenario::load("no/such/file.toml")
         .expect_err("unknown")
