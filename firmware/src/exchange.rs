@@ -9,6 +9,10 @@ use crate::hal::{Bytes, Memory};
 /// Takes an image from `line`, stores it in `memory` from address 0 if it is valid, and tells what
 /// `memory` holds then. The board restarts afterwards, and also if a byte does not come in time; until
 /// the image is complete nothing has changed.
+#[expect(
+    clippy::explicit_counter_loop,
+    reason = "a counter of one byte: addresses are u8, and flash is short"
+)]
 pub fn take_settings(line: &mut impl Bytes, memory: &mut impl Memory) {
     // An empty frame, which the device never sends otherwise: ready.
     line.write(DELIMITER);
