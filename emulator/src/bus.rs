@@ -378,6 +378,7 @@ impl Machine {
             self.report(address, ReportKind::PoweredDown);
             return;
         }
+        let trigger = self.adc.trigger_source();
         match address {
             io::ADCSRA => self.adc.write_control(value, edge),
             io::ADCSRB => self.adc.write_trigger_select(value),
@@ -387,12 +388,14 @@ impl Machine {
             self.report(address, ReportKind::ReservedSetting);
         }
         self.after_adc(edge);
-        for number in 0..2 {
-            self.sync_timer(number, edge, env);
-        }
-        self.watch_trigger();
-        for number in 0..2 {
-            self.after_timer(number, edge, env);
+        if self.adc.trigger_source() != trigger {
+            for number in 0..2 {
+                self.sync_timer(number, edge, env);
+            }
+            self.watch_trigger();
+            for number in 0..2 {
+                self.after_timer(number, edge, env);
+            }
         }
         self.update_trigger(edge, env);
     }

@@ -197,6 +197,7 @@ impl Core {
     }
 
     /// The predecoded instruction at the program counter.
+    #[inline]
     pub(crate) fn op(&self) -> Op {
         self.op_at(self.pc)
     }
@@ -262,6 +263,7 @@ impl Core {
     };
 
     /// The predecoded instruction at a word address, never a pair.
+    #[inline]
     pub fn op_at(&self, pc: u16) -> Op {
         let op = self.ops[usize::from(pc)];
         match op.code {

@@ -257,7 +257,9 @@ pub trait Environment {
         None
     }
 
-    /// Asks the machine to stop at the next instruction boundary.
+    /// Asks the machine to stop at the next instruction boundary. It is asked when the processor
+    /// comes back to the machine; after an edge that no one inside the chip looks at, that may be up
+    /// to 4096 cycles later.
     fn stop_requested(&self) -> bool {
         false
     }

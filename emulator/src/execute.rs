@@ -28,13 +28,23 @@ impl Machine {
             }
         }
         let op = self.core.op();
+        // Whatever comes of it: what was quiet up to here has happened.
+        self.fire_events(self.core.cycle, env);
         if let Some(stop) = self.stopping(op, env) {
             return Err(stop);
         }
         let result = self.execute_op(op, env, until);
-        result
-            .and(self.fault.take().map_or(Ok(()), Err))
-            .map_err(|cause| self.crash(cause))
+        if result.is_ok() && self.fault.is_none() {
+            return Ok(());
+        }
+        let result = result.and(self.faulted());
+        result.map_err(|cause| self.crash(cause))
+    }
+
+    /// What a write to a register has found that is not modelled.
+    #[cold]
+    fn faulted(&mut self) -> Result<(), Cause> {
+        self.fault.take().map_or(Ok(()), Err)
     }
 
     /// Instructions that end the run.
@@ -237,7 +247,10 @@ impl Machine {
         }
         self.fire_events(at, env);
         self.write_io(address, value, at + 1, env);
-        self.fault.take().map_or(Ok(()), Err)
+        if self.fault.is_some() {
+            return self.faulted();
+        }
+        Ok(())
     }
 
     /// SBI and CBI touch one bit only: in flag registers and PINx the others are not written.

@@ -61,6 +61,7 @@ impl Interrupts {
     }
 
     /// Sets or withdraws the request of `vector` at cycle `at`.
+    #[inline]
     pub(crate) fn request(&mut self, vector: usize, requested: bool, at: u64) {
         let bit = 1 << vector;
         if !requested {
@@ -71,10 +72,12 @@ impl Interrupts {
         }
     }
 
+    #[inline]
     pub(crate) fn any(&self) -> bool {
         self.pending != 0
     }
 
+    #[inline]
     pub(crate) fn pending(&self) -> u32 {
         self.pending
     }

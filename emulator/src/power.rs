@@ -98,6 +98,7 @@ impl Machine {
         for number in 0..3 {
             self.sync_timer(number, now, env);
             self.schedule.set(Source::TIMERS[number], None);
+            self.schedule.set_quiet(Source::TIMERS[number], None);
         }
         for source in [
             Source::Capture,
@@ -111,6 +112,7 @@ impl Machine {
         }
         if self.sleep_mode != SleepMode::AdcNoiseReduction {
             self.schedule.set(Source::Adc, None);
+            self.schedule.set_quiet(Source::Adc, None);
         }
     }
 
@@ -168,7 +170,7 @@ impl Machine {
             self.core.cycle += WAKE_HALT;
             return;
         }
-        let next = self.schedule.next().min(until).max(now);
+        let next = self.schedule.attention().min(until).max(now);
         self.statistics.sleeping_cycles += next - now;
         self.core.cycle = next;
     }

@@ -1,8 +1,8 @@
 //! The schedule: when each peripheral needs attention next, and the run loop around the core.
 //!
-//! The core runs until the earliest event; all events due are carried out in the order of their
-//! cycles, and only then is an interrupt considered. Register accesses first carry out the events
-//! up to their own cycle, so nothing is ever seen out of order.
+//! The core runs until the earliest event that may concern the program; all events due are carried
+//! out in the order of their cycles, and only then is an interrupt considered. Register accesses
+//! first carry out the events up to their own cycle, so nothing is ever seen out of order.
 
 use crate::engine::{Engine, Exit, Interpreter, Unwatched};
 use crate::environment::Environment;
@@ -15,6 +15,9 @@ use crate::traps::Sprung;
 pub(crate) const NEVER: u64 = u64::MAX;
 /// A run without a limit: half the range, so that no sum overflows.
 const ENDLESS: u64 = u64::MAX / 2;
+/// Cycles by which quiet events are carried out late at most, so that an environment that asks for
+/// a stop because of one is heard.
+const PATIENCE: u64 = 4096;
 /// Cycles of an interrupt entry.
 const ENTRY: u64 = 4;
 
@@ -60,42 +63,135 @@ impl Source {
     pub(crate) const TIMERS: [Source; 3] = [Source::Timer0, Source::Timer1, Source::Timer2];
 }
 
+/// Leaves of a [`Tree`]: a power of two, at least the number of sources.
+const LEAVES: usize = 16;
+/// Bits of a key that hold its source.
+const SOURCE_BITS: u32 = LEAVES.trailing_zeros();
+
+/// When each source's next event is due, as a tree in which node n is the earlier of nodes 2n and
+/// 2n + 1, so that a change costs four comparisons. A key is the cycle with the source's number
+/// below it: of several events in one cycle the first in the order of [`Source`] comes first.
+#[derive(Clone, Debug, PartialEq)]
+struct Tree([u64; 2 * LEAVES]);
+
+impl Tree {
+    #[inline]
+    fn set(&mut self, source: Source, at: Option<u64>) {
+        let key = match at {
+            Some(at) if at < NEVER >> SOURCE_BITS => at << SOURCE_BITS | source as u64,
+            _ => NEVER,
+        };
+        let mut node = LEAVES + source as usize;
+        if self.0[node] == key {
+            return;
+        }
+        self.0[node] = key;
+        let mut earliest = key;
+        while node > 1 {
+            earliest = earliest.min(self.0[node ^ 1]);
+            node /= 2;
+            self.0[node] = earliest;
+        }
+    }
+
+    #[inline]
+    fn first(&self) -> u64 {
+        self.0[1]
+    }
+}
+
+/// The cycle of a key.
+#[inline]
+fn cycle_of(key: u64) -> u64 {
+    if key == NEVER {
+        NEVER
+    } else {
+        key >> SOURCE_BITS
+    }
+}
+
+/// What is due.
+#[derive(Clone, Copy, Debug)]
+struct Event {
+    at: u64,
+    source: Source,
+    /// See [`Schedule`].
+    is_quiet: bool,
+}
+
 /// Next event of each source, and the earliest of them.
+///
+/// Most events may raise an interrupt, or decide when something else will: the core has to come
+/// back for them. *Quiet* ones can be known only by looking: an edge on a pin that nobody inside the
+/// chip watches, the converter taking its sample. The core need not come back for those; whoever
+/// looks carries them out first, in their order and with their own cycles.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Schedule {
-    at: [u64; Source::ALL.len()],
-    next: u64,
+    loud: Tree,
+    quiet: Tree,
 }
 
 impl Schedule {
     pub(crate) fn new() -> Schedule {
+        let empty = Tree([NEVER; 2 * LEAVES]);
         Schedule {
-            at: [NEVER; Source::ALL.len()],
-            next: NEVER,
+            loud: empty.clone(),
+            quiet: empty,
         }
     }
 
     #[inline]
     pub(crate) fn set(&mut self, source: Source, at: Option<u64>) {
-        let new = at.unwrap_or(NEVER);
-        let old = std::mem::replace(&mut self.at[source as usize], new);
-        if new <= self.next {
-            self.next = new;
-        } else if old == self.next {
-            self.next = self.at.iter().copied().fold(NEVER, u64::min);
-        }
+        self.loud.set(source, at);
     }
 
-    /// Cycle of the earliest event.
     #[inline]
-    pub(crate) fn next(&self) -> u64 {
-        self.next
+    pub(crate) fn set_quiet(&mut self, source: Source, at: Option<u64>) {
+        self.quiet.set(source, at);
     }
 
-    /// Who planned the earliest event; of several the first in the order of [`Source`].
-    fn next_source(&self) -> Source {
-        let first = self.at.iter().position(|&at| at == self.next);
-        Source::ALL[first.unwrap_or_default()]
+    /// Whether nothing is planned at all.
+    pub(crate) fn is_empty(&self) -> bool {
+        self.next_key() == NEVER
+    }
+
+    /// Cycle at which the core has to come back.
+    #[inline]
+    pub(crate) fn attention(&self) -> u64 {
+        let late = cycle_of(self.quiet.first()).saturating_add(PATIENCE);
+        cycle_of(self.loud.first()).min(late)
+    }
+
+    /// Whether an event of any kind is due by cycle `to`.
+    #[inline]
+    pub(crate) fn is_due(&self, to: u64) -> bool {
+        self.next_key() >> SOURCE_BITS <= to
+    }
+
+    #[inline]
+    fn next_key(&self) -> u64 {
+        self.loud.first().min(self.quiet.first())
+    }
+
+    /// The last cycle at which a quiet event of `source` would still be the earliest of all. Takes
+    /// the one that is planned out.
+    #[inline]
+    pub(crate) fn last_before_others(&mut self, source: Source) -> u64 {
+        self.quiet.set(source, None);
+        self.next_key().saturating_sub(1 + source as u64) >> SOURCE_BITS
+    }
+
+    /// The earliest event, if it is due by cycle `to`.
+    #[inline]
+    fn next_due(&self, to: u64) -> Option<Event> {
+        let key = self.next_key();
+        let event = Event {
+            at: key >> SOURCE_BITS,
+            // No source has the number that an empty leaf ends with.
+            source: *Source::ALL.get(key as usize % LEAVES)?,
+            is_quiet: key != self.loud.first(),
+        };
+        (event.at <= to).then_some(event)
     }
 }
 
@@ -156,7 +252,7 @@ impl Machine {
                 return Stop::Limit;
             }
             if self.is_sleeping {
-                if self.schedule.next() == NEVER && until == ENDLESS && !self.interrupts.any() {
+                if self.schedule.is_empty() && until == ENDLESS && !self.interrupts.any() {
                     // Nothing can ever wake it, and nobody wants to know when.
                     return Stop::Sleep;
                 }
@@ -227,7 +323,7 @@ impl Machine {
         }
         let held = self.system.interrupts_held_until();
         let limit = if held > self.core.cycle { held } else { until };
-        self.schedule.next().min(until).min(limit)
+        self.schedule.attention().min(until).min(limit)
     }
 
     fn may_interrupt(&self) -> bool {
@@ -261,10 +357,20 @@ impl Machine {
     }
 
     /// Carries out all events up to and including cycle `to`, in order.
+    #[inline]
     pub(crate) fn fire_events<E: Environment>(&mut self, to: u64, env: &mut E) {
-        while self.schedule.next() <= to {
-            let at = self.schedule.next();
-            match self.schedule.next_source() {
+        if self.schedule.is_due(to) {
+            self.fire_due(to, env);
+        }
+    }
+
+    fn fire_due<E: Environment>(&mut self, to: u64, env: &mut E) {
+        while let Some(event) = self.schedule.next_due(to) {
+            let Event { at, source, .. } = event;
+            match source {
+                Source::Timer0 if event.is_quiet => self.step_outputs(0, to, env),
+                Source::Timer1 if event.is_quiet => self.step_outputs(1, to, env),
+                Source::Timer2 if event.is_quiet => self.step_outputs(2, to, env),
                 Source::Timer0 => self.sync_timer(0, at, env),
                 Source::Timer1 => self.sync_timer(1, at, env),
                 Source::Timer2 => self.sync_timer(2, at, env),
@@ -281,6 +387,42 @@ impl Machine {
                 Source::Spm => self.finish_spm(at),
                 Source::Input => self.poll_input(at, env),
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use proptest::prelude::*;
+
+    proptest! {
+        #[test]
+        fn events_come_by_cycle_and_then_in_the_order_of_their_sources(
+            plans in prop::collection::vec(
+                (0usize..15, any::<bool>(), prop::option::of(0u64..50)), 1..60,
+            ),
+            to in 0u64..60,
+        ) {
+            let mut schedule = Schedule::new();
+            let mut planned = [[None; 15]; 2];
+            for (index, is_quiet, at) in plans {
+                let source = Source::ALL[index];
+                match is_quiet {
+                    true => schedule.set_quiet(source, at),
+                    false => schedule.set(source, at),
+                }
+                planned[usize::from(is_quiet)][index] = at;
+            }
+            let all = planned.iter().flat_map(|kind| {
+                kind.iter().enumerate().filter_map(|(index, at)| Some(((*at)?, index)))
+            });
+            let first = all.min().filter(|first| first.0 <= to);
+            let due = schedule.next_due(to).map(|event| (event.at, event.source as usize));
+            prop_assert_eq!(due, first);
+            prop_assert_eq!(schedule.is_due(to), first.is_some());
+            let loud = planned[0].iter().flatten().min().copied().unwrap_or(NEVER);
+            prop_assert!(schedule.attention() <= loud);
         }
     }
 }

@@ -6,7 +6,8 @@ use crate::interrupts::vector;
 use crate::machine::Machine;
 use crate::peripherals::adc::Step;
 use crate::peripherals::port::Override;
-use crate::peripherals::timer::{ICF, OCFA, OCFB, TOV};
+use crate::peripherals::prescaler::Prescaler;
+use crate::peripherals::timer::{ICF, OCFA, OCFB, OutputChange, TOV};
 use crate::schedule::Source;
 
 /// Flag bit and vector of each interrupt of the three timers.
@@ -31,18 +32,18 @@ const TIMER_VECTORS: [[(u8, usize); 4]; 3] = [
     ],
 ];
 
-/// Pins of the compare outputs: timer, channel, port, bit mask.
-const COMPARE_PINS: [(usize, usize, usize, u8); 6] = [
-    (0, 0, 2, 0x40),
-    (0, 1, 2, 0x20),
-    (1, 0, 0, 0x02),
-    (1, 1, 0, 0x04),
-    (2, 0, 0, 0x08),
-    (2, 1, 2, 0x08),
+/// Vectors of each timer's interrupts, as bits.
+const TIMER_REQUESTS: [u32; 3] = [0x0001_C000, 0x0000_3C00, 0x0000_0380];
+
+/// Pins of the compare outputs by timer, in the order of ports and pins: channel, port, bit.
+const COMPARE_PINS: [[(usize, usize, u8); 2]; 3] = [
+    [(1, 2, 5), (0, 2, 6)],
+    [(0, 0, 1), (1, 0, 2)],
+    [(0, 0, 3), (1, 2, 3)],
 ];
 
-/// Ports that the compare outputs of each timer lie on.
-const COMPARE_PORTS: [&[usize]; 3] = [&[2], &[0], &[0, 2]];
+/// The same as masks, by timer and port.
+const COMPARE_MASKS: [[u8; 3]; 3] = [[0, 0, 0x60], [0x06, 0, 0], [0x08, 0, 0x08]];
 
 /// Pins of the serial line, both on port D.
 const RXD: u8 = 0x01;
@@ -55,44 +56,120 @@ const SCK: u8 = 0x20;
 impl Machine {
     /// Brings timer `number` forward to cycle `at` and passes on what happened.
     pub(crate) fn sync_timer<E: Environment>(&mut self, number: usize, at: u64, env: &mut E) {
-        let prescaler = if number == 2 {
-            &self.prescaler_t2
-        } else {
-            &self.prescaler_sync
-        };
-        self.timers[number].advance(at, prescaler);
-        self.after_timer(number, at, env);
+        let prescaler = self.prescaler(number);
+        if self.timers[number].advance(at, &prescaler) {
+            self.after_timer(number, at, env);
+        }
     }
 
     /// Passes on a timer's flags, outputs and next event after a change at cycle `at`.
     pub(crate) fn after_timer<E: Environment>(&mut self, number: usize, at: u64, env: &mut E) {
         let requests = self.timers[number].requests();
-        for (bit, vector) in TIMER_VECTORS[number] {
-            if bit != 0 {
-                self.interrupts.request(vector, requests & bit != 0, at);
+        if requests != 0 || self.interrupts.pending() & TIMER_REQUESTS[number] != 0 {
+            for (bit, vector) in TIMER_VECTORS[number] {
+                if bit != 0 {
+                    self.interrupts.request(vector, requests & bit != 0, at);
+                }
             }
         }
-        let prescaler = if number == 2 {
-            &self.prescaler_t2
-        } else {
-            &self.prescaler_sync
-        };
-        let next = self.timers[number].next_event(prescaler);
-        self.schedule.set(Source::TIMERS[number], next);
+        self.plan_timer(number);
         self.update_trigger(at, env);
-        if self.timers[number].outputs_changed() {
-            for &port in COMPARE_PORTS[number] {
-                self.update_port(port, at, env);
+        let change = self.timers[number].outputs_changed();
+        self.show_outputs(number, change, at, env);
+    }
+
+    /// Shows a change of a timer's outputs on the pins.
+    #[inline]
+    fn show_outputs<E: Environment>(
+        &mut self,
+        number: usize,
+        change: OutputChange,
+        at: u64,
+        env: &mut E,
+    ) {
+        match change {
+            OutputChange::Levels([false, false]) => {}
+            // The SPI may drive one of the pins instead.
+            OutputChange::Levels(flipped) if !self.spi.is_master() => {
+                for (channel, port, bit) in COMPARE_PINS[number] {
+                    if flipped[channel] {
+                        self.flip_pin(port, bit, at, env);
+                    }
+                }
+            }
+            _ => {
+                for port in (0..3).filter(|&port| COMPARE_MASKS[number][port] != 0) {
+                    self.update_port(port, at, env);
+                }
             }
         }
+    }
+
+    /// What drives a pin changes its level.
+    #[inline]
+    fn flip_pin<E: Environment>(&mut self, port: usize, bit: u8, at: u64, env: &mut E) {
+        let mask = 1 << bit;
+        if !self.ports[port].flip(mask, at) {
+            return;
+        }
+        env.pin_edge(at, Pin::at(port, bit), self.ports[port].level() & mask != 0);
+        if self.external.watched()[port] & mask != 0 {
+            self.look_at_pins(at, env);
+        }
+    }
+
+    /// Takes the outputs of timer `number` through their changes up to cycle `to` or the next event
+    /// of anybody else. No flag rises meanwhile that anybody waits for.
+    pub(crate) fn step_outputs<E: Environment>(&mut self, number: usize, to: u64, env: &mut E) {
+        let source = Source::TIMERS[number];
+        let last = self.schedule.last_before_others(source).min(to);
+        let prescaler = self.prescaler(number);
+        while let Some((at, change)) = self.timers[number].next_change(last, &prescaler) {
+            self.show_outputs(number, change, at, env);
+        }
+        let next = self.timers[number].next_output(&prescaler);
+        self.schedule.set_quiet(source, next);
+    }
+
+    fn prescaler(&self, timer: usize) -> Prescaler {
+        match timer {
+            2 => self.prescaler_t2,
+            _ => self.prescaler_sync,
+        }
+    }
+
+    /// Plans a timer's next event: a flag that somebody waits for, or a pin. The latter is quiet
+    /// unless somebody inside the chip looks at the pin.
+    pub(crate) fn plan_timer(&mut self, number: usize) {
+        let prescaler = self.prescaler(number);
+        let timer = &self.timers[number];
+        let (flag, output) = (timer.next_flag(&prescaler), timer.next_output(&prescaler));
+        let source = Source::TIMERS[number];
+        if self.is_output_watched(number) {
+            let either = [flag, output].into_iter().flatten().min();
+            self.schedule.set(source, either);
+            self.schedule.set_quiet(source, None);
+        } else {
+            self.schedule.set(source, flag);
+            self.schedule.set_quiet(source, output);
+        }
+    }
+
+    /// Whether anything inside the chip looks at a pin that a timer may drive.
+    fn is_output_watched(&self, number: usize) -> bool {
+        let watched = self.external.watched();
+        let mut ports = watched.iter().zip(COMPARE_MASKS[number]);
+        ports.any(|(watched, pins)| watched & pins != 0)
     }
 
     /// Brings the output stage of a port up to date and reports edges.
     pub(crate) fn update_port<E: Environment>(&mut self, port: usize, at: u64, env: &mut E) {
         let mut over = Override::default();
-        for (timer, channel, pin_port, mask) in COMPARE_PINS {
-            if pin_port == port {
-                over.drive(mask, self.timers[timer].output(channel));
+        for (timer, pins) in self.timers.iter().zip(COMPARE_PINS) {
+            for (channel, pin_port, bit) in pins {
+                if pin_port == port {
+                    over.drive(1 << bit, timer.output(channel));
+                }
             }
         }
         if port == 0 && self.spi.is_master() {
@@ -108,9 +185,11 @@ impl Machine {
         if port == 2 && self.usart.receives() {
             over.force_in |= RXD;
         }
-        let (edges, touched) = self.ports[port].update(over, at);
+        let (mut edges, touched) = self.ports[port].update(over, at);
         let level = self.ports[port].level();
-        for bit in (0..8).filter(|bit| edges >> bit & 1 != 0) {
+        while edges != 0 {
+            let bit = edges.trailing_zeros() as u8;
+            edges &= edges - 1;
             env.pin_edge(at, Pin::at(port, bit), level >> bit & 1 != 0);
         }
         if self.external.watched()[port] & touched != 0 {
@@ -192,7 +271,9 @@ impl Machine {
     pub(crate) fn after_adc(&mut self, at: u64) {
         self.interrupts
             .request(vector::ADC, self.adc.requests(), at);
-        self.schedule.set(Source::Adc, self.adc.next_event());
+        // That it starts and samples changes nothing for the program.
+        self.schedule.set_quiet(Source::Adc, self.adc.next_event());
+        self.schedule.set(Source::Adc, self.adc.end());
     }
 
     pub(crate) fn step_adc<E: Environment>(&mut self, at: u64, env: &mut E) {
@@ -254,6 +335,9 @@ impl Machine {
     /// Clears the flag of a vector that is being entered, where entry clears it.
     pub(crate) fn acknowledge<E: Environment>(&mut self, vector: usize, at: u64, env: &mut E) {
         for (number, vectors) in TIMER_VECTORS.into_iter().enumerate() {
+            if TIMER_REQUESTS[number] >> vector & 1 == 0 {
+                continue;
+            }
             for (bit, timer_vector) in vectors {
                 if bit != 0 && timer_vector == vector {
                     self.sync_timer(number, at, env);

@@ -40,6 +40,9 @@ impl Machine {
                 .preset(levels[CAPTURE_PORT] & CAPTURE_MASK != 0);
         }
         self.external.watch(pins, levels);
+        for number in 0..3 {
+            self.plan_timer(number);
+        }
         self.after_external(at, env);
     }
 

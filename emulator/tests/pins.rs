@@ -3,7 +3,7 @@
 
 mod common;
 
-use cardan_emulator::{Pin, Stop};
+use cardan_emulator::{AnalogInput, Conversion, Environment, Pin, Stop};
 use common::{Bench, program};
 
 #[test]
@@ -209,4 +209,131 @@ fn pins_read_back_with_pull_ups_toggle_and_disabled_buffers() {
     };
     assert_eq!(machine.run(&mut bench, 1000), Stop::Halt);
     assert_eq!(&machine.registers()[20..=23], [0x13, 0x12, 0x10, 0x05]);
+}
+
+/// Writes down in order whatever the chip shows or asks.
+#[derive(Default)]
+struct Log(Vec<(u64, String)>);
+
+impl Environment for Log {
+    fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
+        self.0.push((cycle, format!("{pin} {level}")));
+    }
+    fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
+        self.0.push((cycle, format!("{input:?}")));
+        (cycle % 5) as f64
+    }
+    fn conversion(&mut self, event: Conversion) {
+        let text = format!("code {}", event.code);
+        self.0.push((event.done_cycle, text));
+    }
+    fn uart_tx(&mut self, cycle: u64, byte: u8) {
+        self.0.push((cycle, format!("byte {byte}")));
+    }
+    fn strobe(&mut self, cycle: u64, value: u8, _: &[u8]) {
+        self.0.push((cycle, format!("strobe {value}")));
+    }
+}
+
+#[test]
+fn a_run_shows_in_the_same_order_what_single_steps_show() {
+    // All timers toggle, at periods of their own; a conversion follows each match of OCR1B; the
+    // program works, sends, and sleeps. With PCINT1 the chip itself looks at OC1A.
+    for (name, pin_change) in [("quiet_outputs", 0), ("watched_outputs", 2)] {
+        let source = format!(
+            "vector 3, change
+             vector 21, converted
+             start: set DDRB, 0x0E
+             set DDRD, 0x6A
+             set PCMSK0, {pin_change}
+             set PCICR, 1
+             set UCSR0B, 0x08
+             set OCR0A, 96
+             set OCR0B, 30
+             set TCCR0A, 0x52
+             set OCR2A, 96
+             set OCR2B, 96
+             set TCCR2A, 0x52
+             set ADMUX, 0x41
+             set ADCSRB, 5
+             set ADCSRA, 0xAA
+             set OCR1AH, 1
+             set OCR1AL, 0xF3
+             set OCR1BH, 0
+             set OCR1BL, 249
+             set TCCR1A, 0x50
+             set SMCR, 1
+             set TCCR0B, 1
+             set TCCR1B, 0x09
+             set TCCR2B, 1
+             sei
+          1: sleep
+             mark 7
+             sts UDR0, r20
+             rjmp 1b
+          change: inc r21
+             reti
+          converted: set TIFR1, 4
+             lds r20, ADCL
+             lds r20, ADCH
+             inc r22
+             in r23, _SFR_IO_ADDR(PINB)
+             reti"
+        );
+        let machine = program(name, &source);
+        let (mut whole, mut steps) = (machine.clone(), machine);
+        let (mut shown, mut expected) = (Log::default(), Log::default());
+        whole.run(&mut shown, 100_000);
+        while steps.cycle() < whole.cycle() {
+            steps.step(&mut expected);
+        }
+        assert_eq!(shown.0, expected.0, "{name}");
+        assert!(shown.0.windows(2).all(|pair| pair[0].0 <= pair[1].0));
+        for what in [
+            "PB1 true",
+            "PB3 false",
+            "PD6 true",
+            "Pin(1)",
+            "strobe 7",
+            "code ",
+            "byte ",
+        ] {
+            let is_there = shown.0.iter().any(|(_, text)| text.starts_with(what));
+            assert!(is_there, "{name}: no {what}");
+        }
+        // Both go on alike.
+        whole.run(&mut shown, 120_000);
+        steps.run(&mut expected, 120_000);
+        assert_eq!(shown.0, expected.0, "{name}");
+        assert_eq!(whole.statistics(), steps.statistics(), "{name}");
+        assert_eq!((whole.pc(), whole.data()), (steps.pc(), steps.data()));
+    }
+}
+
+#[test]
+fn a_stop_for_the_sake_of_an_edge_is_heard_though_the_chip_sleeps_for_ever() {
+    struct Third(u32);
+    impl Environment for Third {
+        fn pin_edge(&mut self, _: u64, _: Pin, _: bool) {
+            self.0 += 1;
+        }
+        fn stop_requested(&self) -> bool {
+            self.0 >= 3
+        }
+    }
+    let mut machine = program(
+        "sleeping_toggle",
+        "start: set DDRB, 2
+         set OCR1AL, 99
+         set TCCR1A, 0x40
+         set TCCR1B, 0x09
+         set SMCR, 1
+         sei
+      1: sleep
+         rjmp 1b",
+    );
+    let stop = machine.run(&mut Third(0), u64::MAX);
+    assert_eq!(stop, Stop::Requested);
+    // The third edge comes after about 300 cycles.
+    assert!(machine.cycle() < 5_000, "{}", machine.cycle());
 }

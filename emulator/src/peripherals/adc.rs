@@ -86,6 +86,7 @@ impl Adc {
     }
 
     /// Cycle of the next step, if a conversion is under way.
+    #[inline]
     pub(crate) fn next_event(&self) -> Option<u64> {
         match self.phase {
             Phase::Idle => None,
@@ -95,6 +96,25 @@ impl Adc {
         }
     }
 
+    /// Cycle at which the conversion under way ends, as far as it is known now.
+    #[inline]
+    pub(crate) fn end(&self) -> Option<u64> {
+        match self.phase {
+            Phase::Idle => None,
+            Phase::Waiting { start, .. } => Some(start + self.period() * self.timing().1),
+            Phase::Sampling { done, .. } => Some(done),
+            Phase::Holding { sampled } => Some(sampled.done_cycle),
+        }
+    }
+
+    /// From the start of the next conversion to its sample, in halves of ADC clocks, and to its end,
+    /// in ADC clocks.
+    #[inline]
+    fn timing(&self) -> (u64, u64) {
+        if self.first { (27, 25) } else { (3, 13) }
+    }
+
+    #[inline]
     pub(crate) fn requests(&self) -> bool {
         self.flag && self.control & ADIE != 0
     }
@@ -112,6 +132,7 @@ impl Adc {
     }
 
     /// Trigger source ADTS2:0 if auto triggering is on.
+    #[inline]
     pub(crate) fn trigger_source(&self) -> Option<u8> {
         (self.control & ADATE != 0).then_some(self.trigger_select & 7)
     }
@@ -121,6 +142,7 @@ impl Adc {
     }
 
     /// ADC clock period in cycles.
+    #[inline]
     fn period(&self) -> u64 {
         1 << (self.control & 7).max(1)
     }
@@ -163,7 +185,7 @@ impl Adc {
         match self.phase {
             Phase::Idle => Step::Nothing,
             Phase::Waiting { trigger, start } => {
-                let (hold_halves, clocks) = if self.first { (27, 25) } else { (3, 13) };
+                let (hold_halves, clocks) = self.timing();
                 let period = self.period();
                 let hold = start + period / 2 * hold_halves;
                 let done = start + period * clocks;

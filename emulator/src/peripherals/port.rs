@@ -17,6 +17,7 @@ pub(crate) struct Override {
 
 impl Override {
     /// Imposes `level` on the pins of `mask` where it is known.
+    #[inline]
     pub(crate) fn drive(&mut self, mask: u8, level: Option<bool>) {
         if let Some(level) = level {
             self.value_mask |= mask;
@@ -54,6 +55,7 @@ impl Port {
     /// Works out the output stage from registers and overrides, at cycle `at`. Returns the pins
     /// whose driven level differs from the last one reported, and those whose level may differ in
     /// any way (driven or pulled).
+    #[inline]
     pub(crate) fn update(&mut self, over: Override, at: u64) -> (u8, u8) {
         let driven = (self.ddr | over.force_out) & !over.force_in;
         let value = self.port & !over.value_mask | over.value & over.value_mask;
@@ -72,6 +74,22 @@ impl Port {
         (edges, touched)
     }
 
+    /// What drives the pin of `mask` changes its level at cycle `at`, and nothing else changes.
+    /// Returns whether the pin shows it.
+    #[inline]
+    pub(crate) fn flip(&mut self, mask: u8, at: u64) -> bool {
+        if self.driven & mask == 0 {
+            return false;
+        }
+        if at != self.changed {
+            self.before = (self.driven, self.level);
+            self.changed = at;
+        }
+        self.level ^= mask;
+        self.reported ^= mask;
+        true
+    }
+
     /// Pins the chip drives and their levels during cycle `at`.
     pub(crate) fn outputs(&self, at: u64) -> (u8, u8) {
         if at < self.changed {
@@ -81,6 +99,7 @@ impl Port {
         }
     }
 
+    #[inline]
     pub(crate) fn level(&self) -> u8 {
         self.level
     }

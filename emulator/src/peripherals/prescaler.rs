@@ -35,6 +35,7 @@ impl Prescaler {
     }
 
     /// Ticks of the clock divided by `2^shift` after cycle `from`, up to and including `to`.
+    #[inline]
     pub(crate) fn ticks(&self, shift: u8, from: u64, to: u64) -> u64 {
         if self.held || to <= from {
             return 0;
@@ -43,6 +44,7 @@ impl Prescaler {
     }
 
     /// Cycle of the `n`-th tick (from 1) after cycle `from`; `None` while held in reset.
+    #[inline]
     pub(crate) fn cycle_of(&self, shift: u8, from: u64, n: u64) -> Option<u64> {
         if self.held {
             return None;
@@ -53,6 +55,7 @@ impl Prescaler {
     }
 
     /// Ticks from the origin to `cycle`.
+    #[inline]
     fn count(&self, shift: u8, cycle: u64) -> u64 {
         cycle.saturating_sub(self.origin) >> shift
     }

@@ -66,6 +66,15 @@ const TIMER2: Kind = Kind {
 };
 const KINDS: [&Kind; 3] = [&TIMER0, &TIMER1, &TIMER2];
 
+/// A change of what drives a timer's pins.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum OutputChange {
+    /// Which of the connected outputs have changed their level; the same ones are connected.
+    Levels([bool; 2]),
+    /// Others are connected.
+    Drivers,
+}
+
 /// State of one timer, valid for the clock edges up to and including cycle `last`.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Timer {
@@ -88,10 +97,14 @@ pub(crate) struct Timer {
     flags: u8,
     mask: u8,
     temp: u8,
+    /// COM bits of both channels.
+    output_modes: [u8; 2],
     /// Waveform generator outputs OCnA, OCnB.
     outputs: [bool; 2],
-    /// What drove the pins when the machine last asked.
-    shown: [Option<bool>; 2],
+    /// Whether they drive their pins: follows the mode and the COM bits.
+    connected: [bool; 2],
+    /// What drove the pins when the machine last asked: `connected`, and `outputs` where connected.
+    shown: ([bool; 2], [bool; 2]),
     /// Flags whose rising the ADC watches.
     pub(crate) watched: u8,
 }
@@ -117,17 +130,21 @@ impl Timer {
             flags: 0,
             mask: 0,
             temp: 0,
+            output_modes: [0; 2],
             outputs: [false; 2],
-            shown: [None; 2],
+            connected: [false; 2],
+            shown: ([false; 2], [false; 2]),
             watched: 0,
         }
     }
 
+    #[inline]
     pub(crate) fn flags(&self) -> u8 {
         self.flags
     }
 
     /// Flags that request an interrupt.
+    #[inline]
     pub(crate) fn requests(&self) -> u8 {
         self.flags & self.mask
     }
@@ -150,14 +167,22 @@ impl Timer {
     }
 
     /// Level of output `channel` if the waveform generator drives its pin.
+    #[inline]
     pub(crate) fn output(&self, channel: usize) -> Option<bool> {
-        self.is_connected(channel).then_some(self.outputs[channel])
+        self.connected[channel].then_some(self.outputs[channel])
     }
 
-    /// Whether what drives the pins has changed since the last call.
-    pub(crate) fn outputs_changed(&mut self) -> bool {
-        let now = [self.output(0), self.output(1)];
-        std::mem::replace(&mut self.shown, now) != now
+    /// How what drives the pins has changed since the last call.
+    #[inline]
+    pub(crate) fn outputs_changed(&mut self) -> OutputChange {
+        let levels = std::array::from_fn(|channel| self.connected[channel] & self.outputs[channel]);
+        let (connected, before) = std::mem::replace(&mut self.shown, (self.connected, levels));
+        if connected != self.connected {
+            return OutputChange::Drivers;
+        }
+        OutputChange::Levels(std::array::from_fn(|channel| {
+            levels[channel] != before[channel]
+        }))
     }
 
     /// Switches the module clock off or on at cycle `at` (up to which the caller has advanced).
@@ -165,34 +190,46 @@ impl Timer {
         self.frozen = frozen;
     }
 
-    /// Takes all clock edges up to and including cycle `to`.
-    pub(crate) fn advance(&mut self, to: u64, prescaler: &Prescaler) {
+    /// Takes all clock edges up to and including cycle `to`. Returns whether anything but the count
+    /// may have changed.
+    #[inline]
+    pub(crate) fn advance(&mut self, to: u64, prescaler: &Prescaler) -> bool {
         let ticks = match self.clock {
             Clock::Divided(shift) if !self.frozen => prescaler.ticks(shift, self.last, to),
             _ => 0,
         };
         self.last = self.last.max(to);
         if ticks <= 2 * SETTLE {
-            self.advance_ticks(ticks);
-            return;
+            return self.advance_ticks(ticks);
         }
+        self.settle(ticks)
+    }
+
+    /// Takes more timer clocks than it takes to settle.
+    #[cold]
+    fn settle(&mut self, ticks: u64) -> bool {
         // Nobody has looked for long. Once the buffers are loaded and the flags set, two periods
         // (outputs may toggle) change nothing: whole numbers of them are left out.
         self.advance_ticks(SETTLE);
         self.advance_ticks((ticks - SETTLE) % (2 * self.period()));
+        true
     }
 
-    fn advance_ticks(&mut self, mut ticks: u64) {
+    /// Takes that many timer clocks. Returns whether one of them was critical.
+    fn advance_ticks(&mut self, mut ticks: u64) -> bool {
+        let mut any = false;
         while ticks > 0 {
             let critical = self.distance(true, true);
             if ticks < critical {
                 self.glide(ticks);
-                return;
+                break;
             }
             self.glide(critical - 1);
             self.tick();
             ticks -= critical;
+            any = true;
         }
+        any
     }
 
     /// Ticks of one counting sequence.
@@ -210,17 +247,51 @@ impl Timer {
         self.last = self.last.max(to);
     }
 
-    /// The next cycle at which a flag that somebody waits for may rise or an output may change.
-    pub(crate) fn next_event(&self, prescaler: &Prescaler) -> Option<u64> {
-        let Clock::Divided(shift) = self.clock else {
-            return None;
-        };
-        let a = self.awaits(OCFA) || self.is_connected(0);
-        let b = self.awaits(OCFB) || self.is_connected(1);
-        if self.frozen || !(a || b || self.awaits(TOV | ICF)) {
+    /// The next cycle at which a flag that somebody waits for may rise, or one at which the counter
+    /// turns before it does.
+    #[inline]
+    pub(crate) fn next_flag(&self, prescaler: &Prescaler) -> Option<u64> {
+        if !self.awaits(OCFA | OCFB | TOV | ICF) {
             return None;
         }
-        prescaler.cycle_of(shift, self.last, self.distance(a, b))
+        self.next_critical(self.awaits(OCFA), self.awaits(OCFB), prescaler)
+    }
+
+    /// The next cycle at which an output that drives its pin may change.
+    #[inline]
+    pub(crate) fn next_output(&self, prescaler: &Prescaler) -> Option<u64> {
+        if self.connected == [false; 2] {
+            return None;
+        }
+        self.next_critical(true, true, prescaler)
+    }
+
+    /// Goes on to the next change of what drives the pins, if there is one up to cycle `to`.
+    pub(crate) fn next_change(
+        &mut self,
+        to: u64,
+        prescaler: &Prescaler,
+    ) -> Option<(u64, OutputChange)> {
+        while let Some(at) = self.next_output(prescaler).filter(|&at| at <= to) {
+            self.glide(self.distance(true, true) - 1);
+            self.tick();
+            self.last = at;
+            let change = self.outputs_changed();
+            if change != OutputChange::Levels([false; 2]) {
+                return Some((at, change));
+            }
+        }
+        None
+    }
+
+    #[inline]
+    fn next_critical(&self, a: bool, b: bool, prescaler: &Prescaler) -> Option<u64> {
+        match self.clock {
+            Clock::Divided(shift) if !self.frozen => {
+                prescaler.cycle_of(shift, self.last, self.distance(a, b))
+            }
+            _ => None,
+        }
     }
 
     /// One edge of an external clock at cycle `at`.
@@ -252,30 +323,30 @@ impl Timer {
     }
 
     /// Ticks until the next critical one, that one included. Compare values count only if asked.
+    #[inline]
     fn distance(&self, a: bool, b: bool) -> u64 {
         if self.blocked {
             return 1;
         }
         let (count, top) = (self.count, self.top());
-        let asked = [a, b];
-        let compares = (0..2).filter(|&c| asked[c]).map(|c| self.compare[c]);
-        let gap = if self.mode.is_phase() && self.down {
-            compares
-                .filter(|&v| v <= count)
-                .map(|v| count - v)
-                .fold(count, u16::min)
-        } else {
-            let turn = if count <= top {
-                top
-            } else {
-                self.end_above_top()
-            };
-            compares
-                .filter(|&v| v >= count)
-                .map(|v| v - count)
-                .fold(turn - count, u16::min)
+        let is_down = self.mode.is_phase() && self.down;
+        let turn = match is_down {
+            true => count,
+            false if count <= top => top - count,
+            false => self.end_above_top() - count,
         };
-        u64::from(gap) + 1
+        // A compare value behind the count is as good as a whole turn away.
+        let gap = |value: u16| match is_down {
+            true => count.wrapping_sub(value),
+            false => value.wrapping_sub(count),
+        };
+        let mut nearest = turn;
+        for (asked, value) in [(a, self.compare[0]), (b, self.compare[1])] {
+            if asked {
+                nearest = nearest.min(gap(value));
+            }
+        }
+        u64::from(nearest) + 1
     }
 
     /// Where a counter that has passed TOP turns: at MAX, or at once in phase-correct modes.
@@ -288,6 +359,7 @@ impl Timer {
     }
 
     /// Moves over ticks that are not critical.
+    #[inline]
     fn glide(&mut self, ticks: u64) {
         let ticks = ticks as u16;
         self.count = if self.down {
@@ -298,6 +370,7 @@ impl Timer {
     }
 
     /// One timer clock.
+    #[inline]
     fn tick(&mut self) {
         let blocked = std::mem::take(&mut self.blocked);
         if self.mode.is_phase() {
@@ -307,6 +380,7 @@ impl Timer {
         }
     }
 
+    #[inline]
     fn tick_single_slope(&mut self, blocked: bool) {
         let (count, top) = (self.count, self.top());
         if !blocked {
@@ -373,6 +447,7 @@ impl Timer {
         }
     }
 
+    #[inline]
     fn match_compares(&mut self, count: u16) {
         for channel in 0..2 {
             if self.compare[channel] == count {
@@ -383,11 +458,12 @@ impl Timer {
     }
 
     /// The output action of a compare match.
+    #[inline]
     fn drive_match(&mut self, channel: usize) {
         // Counting down in phase-correct modes reverses clear and set.
         let set = (self.output_mode(channel) == 3) != (self.mode.is_phase() && self.down);
         match self.output_mode(channel) {
-            1 if self.is_connected(channel) => self.outputs[channel] = !self.outputs[channel],
+            1 if self.connected[channel] => self.outputs[channel] = !self.outputs[channel],
             2 | 3 => self.outputs[channel] = set,
             _ => {}
         }
@@ -405,8 +481,9 @@ impl Timer {
     }
 
     /// COM bits of a channel.
+    #[inline]
     fn output_mode(&self, channel: usize) -> u8 {
-        self.control_a >> (6 - 2 * channel) & 3
+        self.output_modes[channel]
     }
 
     fn is_connected(&self, channel: usize) -> bool {
@@ -437,6 +514,8 @@ impl Timer {
         if !self.mode.is_phase() {
             self.down = false;
         }
+        self.output_modes = [self.control_a >> 6, self.control_a >> 4 & 3];
+        self.connected = [0, 1].map(|channel| self.is_connected(channel));
     }
 
     /// Reads a register; the caller has advanced to the cycle of the access.

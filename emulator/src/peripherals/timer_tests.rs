@@ -73,22 +73,25 @@ proptest! {
         let prescaler = Prescaler::default();
         let mut timer = timer;
         timer.write(Register::Mask, mask);
-        let seen = |t: &Timer| (t.requests(), t.output(0), t.output(1));
-        let mut last = seen(&timer);
-        let mut planned = timer.next_event(&prescaler);
+        let pins = |t: &Timer| (t.output(0), t.output(1));
+        let plans = |t: &Timer| (t.next_flag(&prescaler), t.next_output(&prescaler));
+        let mut last = (timer.requests(), pins(&timer));
+        let (mut flag, mut output) = plans(&timer);
         for at in 1..cycles {
             timer.advance(at, &prescaler);
-            if seen(&timer) != last {
-                prop_assert_eq!(planned, Some(at));
-                last = seen(&timer);
+            if timer.requests() != last.0 {
+                prop_assert_eq!(flag, Some(at));
             }
-            if planned == Some(at) {
+            if pins(&timer) != last.1 {
+                prop_assert_eq!(output, Some(at));
+            }
+            if flag == Some(at) {
                 // As the program would: the flag is taken.
                 timer.clear_flags(0xFF);
-                last = seen(&timer);
             }
-            planned = timer.next_event(&prescaler);
-            prop_assert!(planned.is_none_or(|next| next > at));
+            last = (timer.requests(), pins(&timer));
+            (flag, output) = plans(&timer);
+            prop_assert!([flag, output].into_iter().flatten().all(|next| next > at));
         }
     }
 }
