@@ -68,6 +68,13 @@ pub struct Tolerance {
     pub reason: &'static str,
 }
 
+/// A run's attitudes where some nodes are rounded and the others are real.
+pub trait RoundingSteps: Sync {
+    /// Yaw, pitch and roll of every solution, in half turns, where the nodes below `quantised` are
+    /// rounded: the values of [`App::real`]'s engine at [`App::attitude_nodes`].
+    fn attitudes(&self, quantised: usize) -> [Vec<f64>; 3];
+}
+
 /// An application.
 pub trait App: Sync {
     /// Name, as in `--app`.
@@ -115,6 +122,16 @@ pub trait App: Sync {
         quantised: usize,
         formats: Option<&[Format]>,
     ) -> Result<Box<dyn Engine>, String>;
+    /// The attitudes on the same codes where more and more nodes are rounded.
+    ///
+    /// # Errors
+    /// Formats that cannot be computed in.
+    fn rounding_steps(
+        &self,
+        configuration: &Configuration,
+        formats: Option<&[Format]>,
+        conversions: &[Conversion],
+    ) -> Result<Box<dyn RoundingSteps>, String>;
     /// The golden model.
     fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine>;
     /// Calibrates a unit by what it sends in known attitudes.

@@ -136,3 +136,21 @@ fn native_and_emulated_agree_in_every_bit_and_golden_is_near() {
     }
     println!("yaw rms {}", (sum / emulated.truths.len() as f64).sqrt());
 }
+
+#[test]
+fn rounding_steps_are_the_real_interpretation_with_the_first_nodes_rounded() {
+    let (configuration, emulated, _) = emulate("tumble", 1.0);
+    let steps = Attitude
+        .rounding_steps(&configuration, None, &emulated.conversions)
+        .expect("deployed formats");
+    // Before, at and behind the average, whose words the steps behind it share.
+    for quantised in [0, 1, 4, 5, 6, 30, Attitude.nodes().len()] {
+        let engine = Attitude.real(&configuration, quantised, None);
+        let (shown, _) = run(engine.expect("runs"), &emulated.conversions);
+        let expected = Attitude
+            .attitude_nodes()
+            .map(|node| shown.reals[node].clone());
+        assert!(!expected[0].is_empty());
+        assert_eq!(steps.attitudes(quantised), expected, "{quantised} nodes");
+    }
+}

@@ -319,22 +319,21 @@ fn rounding_steps(setup: &Setup, collected: &Collected) -> Result<Vec<RoundingSt
     let workers = thread::available_parallelism()
         .map_or(1, usize::from)
         .min(count);
-    let step = |node: usize| -> Result<RoundingStep, Failure> {
-        let engine = app
-            .real(&collected.configuration, node + 1, setup.formats.as_deref())
-            .map_err(Failure::input)?;
-        let attitudes = run_attitude(engine, &collected.conversions, app.attitude_nodes())?;
-        Ok(RoundingStep {
-            node: app.nodes()[node].name.to_owned(),
-            attitudes,
-        })
+    let steps = app
+        .rounding_steps(
+            &collected.configuration,
+            setup.formats.as_deref(),
+            &collected.conversions,
+        )
+        .map_err(Failure::input)?;
+    let step = |node: usize| RoundingStep {
+        node: app.nodes()[node].name.to_owned(),
+        attitudes: series(&steps.attitudes(node + 1)),
     };
     let step = &step;
-    let worker = move |first: usize| -> Result<Vec<(usize, RoundingStep)>, Failure> {
-        (first..count)
-            .step_by(workers)
-            .map(|node| Ok((node, step(node)?)))
-            .collect()
+    let worker = move |first: usize| -> Vec<(usize, RoundingStep)> {
+        let nodes = (first..count).step_by(workers);
+        nodes.map(|node| (node, step(node))).collect()
     };
     let mut steps = thread::scope(|scope| {
         let handles: Vec<_> = (0..workers)
@@ -344,7 +343,7 @@ fn rounding_steps(setup: &Setup, collected: &Collected) -> Result<Vec<RoundingSt
         for handle in handles {
             let part = handle
                 .join()
-                .map_err(|_| Failure::participant("'diff': a rounding step panicked"))??;
+                .map_err(|_| Failure::participant("'diff': a rounding step panicked"))?;
             all.extend(part);
         }
         Ok::<_, Failure>(all)

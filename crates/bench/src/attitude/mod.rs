@@ -10,6 +10,7 @@ mod golden;
 mod line;
 mod mixed;
 mod native;
+mod rounding;
 mod schedule;
 mod tolerances;
 mod tuning;
@@ -28,8 +29,9 @@ use cardan_spec::calibration::{Calibration, FRAC, WORDS};
 use cardan_spec::nodes::SHARED;
 use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
 use cardan_tune::Problem;
+use cardan_units::AdcCode;
 
-use crate::app::{App, Configuration, Feed, RecordedRun, Tolerance};
+use crate::app::{App, Configuration, Feed, RecordedRun, RoundingSteps, Tolerance};
 use crate::calibration::{CalibrateError, Calibrated, Request};
 use crate::engine::{Conversion, Engine, ThirdTilt};
 use crate::image::{EepromImage, Firmware};
@@ -184,6 +186,20 @@ impl App for Attitude {
         Ok(Box::new(mixed::MixedEngine::values(
             &formats,
             &settings_of(configuration),
+        )))
+    }
+
+    fn rounding_steps(
+        &self,
+        configuration: &Configuration,
+        formats: Option<&[Format]>,
+        conversions: &[Conversion],
+    ) -> Result<Box<dyn RoundingSteps>, String> {
+        let input = |conversion: &Conversion| (AdcCode(conversion.code), tilt_z(conversion));
+        Ok(Box::new(rounding::Steps::new(
+            formats_of(formats)?,
+            &settings_of(configuration),
+            conversions.iter().map(input).collect(),
         )))
     }
 
