@@ -4,7 +4,9 @@
  * period later). The same compare match B triggers the converter, which holds 259 cycles later; its
  * interrupt re-arms the trigger, so that a conversion begins every 2000 cycles. 16 conversions of each
  * of 4 channels make a block, every 8 ms; the EEPROM says how many conversions are averaged and after how
- * many a solution follows. PB5 is high while one is computed.
+ * many a solution follows. PB5 is high while one is computed. Timer2 counts 0..124 of 128 cycles and
+ * toggles OC2A (PB3, which tilt channel has the band-pass) and, 12,032 cycles later, OC2B (PD3, it has
+ * settled).
  */
 #include <avr/eeprom.h>
 #include <avr/interrupt.h>
@@ -25,6 +27,8 @@
 #define MOST_LOG2 12
 #define HALF_CARRIER 500
 #define STROBE_COUNT 249
+#define SELECT_COUNT 124
+#define SETTLED_COUNT 93
 #define REFERENCE_AVCC _BV(REFS0)
 #define CENTRE_CODE 512
 #define LAST_CODE 1023
@@ -360,7 +364,8 @@ static void start_serial(void)
 
 static void start_pins(void)
 {
-    DDRB = _BV(PB1) | _BV(PB2) | _BV(PB5);
+    DDRB = _BV(PB1) | _BV(PB2) | _BV(PB3) | _BV(PB5);
+    DDRD = _BV(PD3);
     SMCR = _BV(SE); /* idle: the clocks of timer, converter and USART run on */
 }
 
@@ -381,6 +386,20 @@ static void start_carrier(void)
     OCR1A = HALF_CARRIER - 1;
     OCR1B = STROBE_COUNT;
     TCCR1B = _BV(WGM13) | _BV(WGM12) | _BV(CS10);
+}
+
+/* After the carrier: a turn begins with its edge, so the prescaler starts anew. */
+static void start_turns(void)
+{
+    TCCR2B = _BV(CS22) | _BV(CS20);
+    GTCCR = _BV(PSRASY);
+}
+
+static void prepare_turns(void)
+{
+    OCR2A = SELECT_COUNT;
+    OCR2B = SETTLED_COUNT;
+    TCCR2A = _BV(COM2A0) | _BV(COM2B0) | _BV(WGM21);
 }
 
 /* Returns whether frames are text from now on. */
@@ -417,7 +436,9 @@ int main(void)
     start_pins();
     /* Last, so that the first conversion's interrupt does not wait for the start. */
     start_converter();
+    prepare_turns();
     start_carrier();
+    start_turns();
     sei();
     for (;; sequence++) {
         struct averages averages;

@@ -5,7 +5,9 @@
 //! The netlist is written from the scenario's parameters, not from our matrices: sensors as
 //! behavioural sources and integrators, the modulation as a product with the carrier, track-and-hold
 //! as voltage-controlled switches that charge capacitors, filters as integrators. Both sides see the
-//! same straight lines of sensor input, every 125 us, and the edges of the nominal carrier. ngspice
+//! same straight lines of sensor input, every 125 us, and the nominal edges. The tilt channels' netlist
+//! has both sensors, the multiplexer as two switched sources into the one band-pass, and strobes that
+//! an enable gates; y's part ends at the multiplexer, since its track-and-hold loads nothing. ngspice
 //! has no error control that meets this chain (reltol leaves the phase error of its trapezoidal rule
 //! alone), so its largest step is what is varied.
 
@@ -23,7 +25,8 @@ use cardan_frontend::{Design, Frontend, matrix};
 use cardan_scenario::{Experience, Scenario, Stimulus, Trajectory};
 use cardan_sensors::{Accelerometer, Axis, LinearSensor, Magnetometer, Modulation};
 use cardan_spec::timing::{
-    ADC_HOLD_CYCLES, CARRIER_COUNT, CONVERSION_CYCLES, CPU_HZ, HALF_CARRIER_CYCLES, STROBE_COUNT,
+    ADC_HOLD_CYCLES, CARRIER_COUNT, CONVERSION_CYCLES, CPU_HZ, HALF_CARRIER_CYCLES, SETTLING_CYCLES,
+    STROBE_COUNT, TURN_CYCLES,
 };
 use cardan_spec::{CHANNELS, Channel, REFERENCE_V};
 use cardan_units::Cycles;
@@ -120,22 +123,21 @@ fn run<S: Stimulus>(board: &mut Frontend<S>, scenario: &Scenario) -> Done<[Vec<A
     let mut values: [Vec<AtHold>; CHANNELS] = Default::default();
     let gain = output_gain(scenario);
     let mut conversion = 0;
-    for half in 0..(SECONDS * CPU_HZ as f64) as u64 / HALF_CARRIER_CYCLES {
-        for edge in nominal_edges(half) {
-            let hold = hold_cycle(conversion);
-            if hold <= edge.cycle {
-                let index = conversion as usize % CHANNELS;
-                let channel = Channel::ALL[index];
-                board.voltage(Cycles(hold), channel)?;
-                let inner = board.inner(channel);
-                values[index].push(AtHold {
-                    held: 0.5 * gain * (inner.hold_v[0] - inner.hold_v[1]),
-                    pin: gain * inner.low_pass_v,
-                });
-                conversion += 1;
-            }
-            board.pin_edge(Cycles(edge.cycle), edge.pin, edge.high)?;
+    let end = (SECONDS * CPU_HZ as f64) as u64;
+    for edge in nominal_edges().take_while(|edge| edge.cycle <= end) {
+        let hold = hold_cycle(conversion);
+        if hold <= edge.cycle {
+            let index = conversion as usize % CHANNELS;
+            let channel = Channel::ALL[index];
+            board.voltage(Cycles(hold), channel)?;
+            let inner = board.inner(channel);
+            values[index].push(AtHold {
+                held: 0.5 * gain * (inner.hold_v[0] - inner.hold_v[1]),
+                pin: gain * inner.low_pass_v,
+            });
+            conversion += 1;
         }
+        board.pin_edge(Cycles(edge.cycle), edge.pin, edge.high)?;
     }
     Ok(values)
 }

@@ -48,16 +48,14 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
 fn run<S: Stimulus>(board: &mut Frontend<S>) -> Result<f64, cardan_frontend::Error> {
     let mut sum = 0.0;
     let mut conversion = 0;
-    for half in 0..SECONDS * CPU_HZ / HALF_CARRIER_CYCLES {
-        for edge in nominal_edges(half) {
-            let hold = conversion * CONVERSION_CYCLES + ADC_HOLD_CYCLES;
-            if hold <= edge.cycle {
-                let channel = Channel::ALL[conversion as usize % Channel::ALL.len()];
-                sum += board.voltage(Cycles(hold), channel)?.0;
-                conversion += 1;
-            }
-            board.pin_edge(Cycles(edge.cycle), edge.pin, edge.high)?;
+    for edge in nominal_edges().take_while(|edge| edge.cycle <= SECONDS * CPU_HZ) {
+        let hold = conversion * CONVERSION_CYCLES + ADC_HOLD_CYCLES;
+        if hold <= edge.cycle {
+            let channel = Channel::ALL[conversion as usize % Channel::ALL.len()];
+            sum += board.voltage(Cycles(hold), channel)?.0;
+            conversion += 1;
         }
+        board.pin_edge(Cycles(edge.cycle), edge.pin, edge.high)?;
     }
     Ok(sum)
 }

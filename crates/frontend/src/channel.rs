@@ -12,7 +12,7 @@ use crate::design::{ChainDesign, PERIOD_CYCLES};
 use crate::matrix::{self, Vector};
 use crate::pattern::{Line, Patterns, Segment};
 use crate::saturation::{Stage, Watch};
-use crate::switching::{EdgeQueue, Pin, Switching};
+use crate::switching::{EdgeQueue, Switching, Wiring};
 
 /// Spans for which a value of 1/f noise is held: 1 ms, short against the sensors' lags.
 pub(crate) const FLICKER_SPANS: u64 = 8;
@@ -115,8 +115,8 @@ pub(crate) struct Plan {
     pub(crate) parameters: Parameters,
     /// Gain and corner.
     pub(crate) design: ChainDesign,
-    /// Pin that strobes the track-and-hold pair.
-    pub(crate) strobe: Pin,
+    /// How its switches are driven.
+    pub(crate) wiring: Wiring,
     /// Noise on or off.
     pub(crate) noisy: bool,
     /// True frequency of the controller's clock.
@@ -149,8 +149,8 @@ impl Plan {
 /// Voltages inside a channel.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Inner {
-    /// Output of the band-pass.
-    pub band_pass_v: f64,
+    /// Output of the band-pass; none while the other tilt channel has it.
+    pub band_pass_v: Option<f64>,
     /// Hold capacitors H+ and H-.
     pub hold_v: [f64; 2],
     /// Output of the low-pass, before the last amplifier.
@@ -180,7 +180,7 @@ impl Channel {
     pub(crate) fn new(plan: Plan, seed: u64, index: u8, first: &Experience) -> Self {
         let temperature_k = first.temperature_k;
         let patterns = plan.patterns(temperature_k);
-        let switching = Switching::new(plan.strobe, plan.parameters.aperture_cycles as u64);
+        let switching = Switching::new(plan.wiring, plan.parameters.aperture_cycles as u64);
         // Settled under the low carrier: 0 = A x + B u.
         let system = patterns.system(switching.switches());
         let mut drive = [0.0; STATES];
@@ -233,10 +233,25 @@ impl Channel {
     /// Voltages inside, in the instant up to which the state is known.
     pub(crate) fn inner(&self) -> Inner {
         Inner {
-            band_pass_v: self.state[BAND_PASS],
+            band_pass_v: self
+                .switching
+                .has_band_pass()
+                .then_some(self.state[BAND_PASS]),
             hold_v: [self.state[HOLD], self.state[HOLD + 1]],
             low_pass_v: self.state[OUTPUT],
         }
+    }
+
+    /// States of the band-pass in that instant. While another channel has it they stand for nothing.
+    pub(crate) fn band_pass(&self) -> [f64; 2] {
+        [self.state[BAND_PASS], self.state[BAND_PASS + 1]]
+    }
+
+    /// Takes over the shared band-pass as the other channel leaves it. Both put the same gain before
+    /// it, so its voltages have one scale; the noise of a turn is that of the selected channel's first
+    /// amplifier, and each channel draws its own.
+    pub(crate) fn take_band_pass(&mut self, states: [f64; 2]) {
+        self.state[BAND_PASS..BAND_PASS + 2].copy_from_slice(&states);
     }
 
     /// Goes on to `cycle`, span by span.
@@ -292,7 +307,8 @@ impl Channel {
     }
 
     /// Looks for amplitudes beyond the stages' swing at the end of a step. The envelope of a
-    /// resonant pair of states is its length, so a peak between two looks is not missed.
+    /// resonant pair of states is its length, so a peak between two looks is not missed. A shared
+    /// band-pass is watched by the channel that has it.
     fn watch_filters(&mut self) {
         let x = &self.state;
         let square = |i: usize| x[i] * x[i] + x[i + 1] * x[i + 1];
@@ -305,10 +321,8 @@ impl Channel {
         self.watch
             .see(Stage::Lna, cycle, over(sensor, self.stages.lna_limit_v));
         let band_pass = square(BAND_PASS);
-        self.watch.see(
-            Stage::BandPass,
-            cycle,
-            over(band_pass, self.stages.band_pass_limit_v),
-        );
+        let saturated =
+            self.switching.has_band_pass() && over(band_pass, self.stages.band_pass_limit_v);
+        self.watch.see(Stage::BandPass, cycle, saturated);
     }
 }

@@ -1,13 +1,18 @@
 //! The analog chain with track-and-hold, stepped exactly between controller events.
 //!
 //! Per channel: sensor -> first amplifier -> band-pass -> track-and-hold pair, (H+ - H-)/2 ->
-//! second-order low-pass -> output amplifier around mid supply -> converter pin. [`switching`] tells
-//! how the controller's pins drive it, [`chain`] gives the equations, [`design`] the gains, corners
-//! and the group delay. The controller pushes edges in cycle order and asks for the voltage of a pin
-//! at an exact cycle; a channel is advanced only then, by matrix exponentials from event to event.
+//! second-order low-pass -> output amplifier around mid supply -> converter pin. The two tilt channels
+//! share one band-pass behind a multiplexer. [`switching`] tells how the controller's pins drive it,
+//! [`chain`] gives the equations, [`design`] the gains, corners, the group delay and what a turn
+//! leaves of the neighbour. The controller pushes edges in cycle order and asks for the voltage of a
+//! pin at an exact cycle; a channel is advanced only then, by matrix exponentials from event to event.
+//!
+//! The shared band-pass has its two states in the system of the channel that has it. Where the
+//! multiplexer switches, both channels are advanced to that cycle and the states are handed over. The
+//! deselected channel goes on with a copy that stands for nothing: nobody samples or watches it.
 //!
 //! A third tilt channel along body z, where the scenario fits it, is a chain of the same kind beside
-//! the four: it ends at the controller's comparator ([`Frontend::third_tilt`]).
+//! the four, with a band-pass of its own: it ends at the controller's comparator ([`Frontend::third_tilt`]).
 //!
 //! What is approximated: the sensors' inputs run straight between their exact values every 125 us.
 //! That is h^2/8 times their second derivative, under 1e-6 V for motion of 1 Hz over the whole
@@ -26,6 +31,7 @@ pub mod propagate;
 mod sampler;
 mod saturation;
 pub mod switching;
+mod turns;
 
 use cardan_scenario::scenario::Sensors;
 use cardan_scenario::{Experience, Scenario, Stimulus};
@@ -40,11 +46,13 @@ pub use error::Error;
 pub use saturation::{Saturation, Stage};
 pub use switching::Pin;
 
+use std::collections::VecDeque;
+
 use design::ChainDesign;
 
 use channel::{Channel, Inputs, Plan, SPAN_CYCLES, Unit};
 use sampler::Sampler;
-use switching::{Edge, EdgeQueue};
+use switching::{Edge, EdgeQueue, PINS, Wiring};
 
 /// Waiting edges at which all channels are brought up to date, so that the queue stays short even
 /// if nobody asks for a voltage.
@@ -52,6 +60,9 @@ const MOST_WAITING: usize = 8192;
 
 /// Number of the third tilt channel among the sources of noise: behind the converter's.
 const THIRD: u8 = CHANNELS as u8;
+
+/// The channels that share a band-pass, as [`Pin::Select`] low and high selects them.
+const SHARING: [Name; 2] = [Name::TiltX, Name::TiltY];
 
 /// The board's analog side with its four channels, and the third tilt axis where fitted.
 #[derive(Clone, Debug)]
@@ -61,14 +72,16 @@ pub struct Frontend<S> {
     design: Design,
     inputs: Inputs<S>,
     edges: EdgeQueue,
-    levels: [bool; 2],
+    levels: [bool; PINS],
+    /// Edges of [`Pin::Select`] that have not yet handed over the band-pass.
+    turns: VecDeque<Edge>,
     sampler: Sampler,
     /// Latest edge pushed or voltage asked for.
     reached: u64,
 }
 
 impl<S: Stimulus> Frontend<S> {
-    /// The board of `scenario` with the noise of `seed`, experiencing `stimulus`; both pins low.
+    /// The board of `scenario` with the noise of `seed`, experiencing `stimulus`; all pins low.
     ///
     /// # Errors
     /// Parameters that give no working design together.
@@ -83,18 +96,18 @@ impl<S: Stimulus> Frontend<S> {
             .map(|name| Channel::new(plan(scenario, &design, name), seed, name as u8, &first));
         let third = scenario.sensors.third_tilt.then(|| {
             let unit = tilt(&scenario.sensors, Axis::Z);
-            let plan = build(scenario, unit, design.tilt, Pin::Strobe);
+            let plan = build(scenario, unit, design.third_tilt, Wiring::third_tilt());
             Channel::new(plan, seed, THIRD, &first)
         });
         let sampler = Sampler::new(&scenario.adc)?;
-        let (edges, levels) = (EdgeQueue::default(), [false; 2]);
         Ok(Self {
             channels,
             third,
             design,
             inputs,
-            edges,
-            levels,
+            edges: EdgeQueue::default(),
+            levels: [false; PINS],
+            turns: VecDeque::new(),
             sampler,
             reached: 0,
         })
@@ -117,11 +130,15 @@ impl<S: Stimulus> Frontend<S> {
             return Ok(());
         }
         *level = high;
-        self.edges.push(Edge {
+        let edge = Edge {
             cycle: cycle.0,
             pin,
             high,
-        });
+        };
+        self.edges.push(edge);
+        if pin == Pin::Select {
+            self.turns.push_back(edge);
+        }
         if self.edges.waiting() > MOST_WAITING {
             self.catch_up();
         }
@@ -136,14 +153,18 @@ impl<S: Stimulus> Frontend<S> {
     /// `cycle` lies before an earlier reading of this channel, or before an edge that the channel
     /// has already passed.
     pub fn voltage(&mut self, cycle: Cycles, name: Name) -> Result<Volts, Error> {
-        let channel = &mut self.channels[name as usize];
-        if cycle.0 < channel.now() {
+        let now = self.channels[name as usize].now();
+        if cycle.0 < now {
             return Err(Error::OutOfOrder {
                 cycle: cycle.0,
-                reached: channel.now(),
+                reached: now,
             });
         }
         self.reached = self.reached.max(cycle.0);
+        if SHARING.contains(&name) {
+            self.hand_over(cycle.0);
+        }
+        let channel = &mut self.channels[name as usize];
         let volts = channel.voltage(cycle.0, &self.edges, &mut self.inputs);
         // The third axis is read seldom; it follows by whole spans, while inputs are remembered.
         let spans = cycle.0 / SPAN_CYCLES * SPAN_CYCLES;
@@ -152,7 +173,7 @@ impl<S: Stimulus> Frontend<S> {
         {
             third.advance(spans, &self.edges, &mut self.inputs);
         }
-        self.drop_used_edges();
+        self.drop_edges();
         Ok(Volts(self.sampler.take(volts)))
     }
 
@@ -205,18 +226,35 @@ impl<S: Stimulus> Frontend<S> {
         Ok(())
     }
 
+    /// Carries out the multiplexer's switching up to `cycle`: both channels go on to each switching,
+    /// and the one selected takes the band-pass as the other leaves it. No channel is beyond it: one
+    /// passes a switching only here.
+    fn hand_over(&mut self, cycle: u64) {
+        while let Some(turn) = self.turns.pop_front_if(|turn| turn.cycle <= cycle) {
+            for name in SHARING {
+                let channel = &mut self.channels[name as usize];
+                channel.advance(turn.cycle, &self.edges, &mut self.inputs);
+            }
+            let [from, to] = [!turn.high, turn.high].map(|level| SHARING[usize::from(level)]);
+            let states = self.channels[from as usize].band_pass();
+            self.channels[to as usize].take_band_pass(states);
+        }
+    }
+
     /// Advances every channel to the last whole span before the latest edge.
     fn catch_up(&mut self) {
         let cycle = self.reached / SPAN_CYCLES * SPAN_CYCLES;
+        self.hand_over(cycle);
         for channel in self.channels.iter_mut().chain(&mut self.third) {
             if channel.now() < cycle {
                 channel.advance(cycle, &self.edges, &mut self.inputs);
             }
         }
-        self.drop_used_edges();
+        self.drop_edges();
     }
 
-    fn drop_used_edges(&mut self) {
+    /// Drops the edges that every channel has seen.
+    fn drop_edges(&mut self) {
         let channels = self.channels.iter().chain(&self.third);
         self.edges
             .drop_before(channels.map(Channel::next_edge).min().unwrap_or(0));
@@ -254,23 +292,23 @@ fn check_rest(plan: &Plan, name: Name) -> Result<(), Error> {
 /// How channel `name` is built.
 fn plan(scenario: &Scenario, design: &Design, name: Name) -> Plan {
     let sensors = &scenario.sensors;
-    let (unit, design, strobe) = match name {
-        Name::TiltX => (tilt(sensors, Axis::X), design.tilt, Pin::Strobe),
-        Name::TiltY => (tilt(sensors, Axis::Y), design.tilt, Pin::Strobe),
-        Name::FieldX => (field(sensors, Axis::X), design.field, Pin::Carrier),
-        Name::FieldY => (field(sensors, Axis::Y), design.field, Pin::Carrier),
+    let (unit, design) = match name {
+        Name::TiltX => (tilt(sensors, Axis::X), design.tilt),
+        Name::TiltY => (tilt(sensors, Axis::Y), design.tilt),
+        Name::FieldX => (field(sensors, Axis::X), design.field),
+        Name::FieldY => (field(sensors, Axis::Y), design.field),
     };
-    build(scenario, unit, design, strobe)
+    build(scenario, unit, design, Wiring::of(name))
 }
 
-fn build(scenario: &Scenario, unit: Unit, design: ChainDesign, strobe: Pin) -> Plan {
+fn build(scenario: &Scenario, unit: Unit, design: ChainDesign, wiring: Wiring) -> Plan {
     let (parameters, noisy) = (scenario.frontend.clone(), scenario.noise.enabled);
     let clock_hz = scenario.clock_hz();
     Plan {
         unit,
         parameters,
         design,
-        strobe,
+        wiring,
         noisy,
         clock_hz,
     }

@@ -7,9 +7,17 @@
 //! by PB2, a quarter period after the carrier, where the band-passed bridge signal peaks; the
 //! magnetometers by the carrier itself, because a resonator's displacement peaks a quarter period
 //! after its force. Falling edges meet the positive peak in both cases, so that a positive specific
-//! force or field gives a voltage above mid supply. After reset both pins are low.
+//! force or field gives a voltage above mid supply. After reset all pins are low.
+//!
+//! The tilt channels share a band-pass. PB3 low connects it to the first amplifier of x, high to that
+//! of y. PD3 toggles when the band-pass has forgotten the other channel, so the two pins are equal
+//! until then and differ for the rest of a turn. The monostables of x run while PB3 is low and PD3
+//! high, those of y while it is the other way round (their reset inputs): otherwise no edge closes a
+//! switch, and a closed one opens.
 
 use std::collections::VecDeque;
+
+use cardan_spec::Channel;
 
 use crate::chain::{CARRIER_HIGH, CLOSED};
 use crate::pattern::Segment;
@@ -21,16 +29,65 @@ pub enum Pin {
     Carrier,
     /// PB2: strobe of the tilt channels' track-and-hold.
     Strobe,
+    /// PB3: which tilt channel has the band-pass, low x, high y.
+    Select,
+    /// PD3: differs from PB3 while the band-pass has settled to the selected channel.
+    Settled,
 }
 
+/// Number of driven pins.
+pub const PINS: usize = 4;
+
 impl Pin {
-    /// The pin of that name on the reference board (`PB1`, `PB2`).
+    /// The pin of that name on the reference board (`PB1`, `PB2`, `PB3`, `PD3`).
     #[must_use]
     pub fn named(name: &str) -> Option<Self> {
         use cardan_spec::timing::pins;
-        [(pins::CARRIER, Pin::Carrier), (pins::STROBE, Pin::Strobe)]
-            .into_iter()
-            .find_map(|(known, pin)| (known == name).then_some(pin))
+        [
+            (pins::CARRIER, Pin::Carrier),
+            (pins::STROBE, Pin::Strobe),
+            (pins::SELECT, Pin::Select),
+            (pins::SETTLED, Pin::Settled),
+        ]
+        .into_iter()
+        .find_map(|(known, pin)| (known == name).then_some(pin))
+    }
+}
+
+/// How the board wires a channel's switches.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Wiring {
+    /// Pin whose edges fire the monostables.
+    strobe: Pin,
+    /// Level of [`Pin::Select`] that gives this channel the shared band-pass; none if it has its own.
+    turn: Option<bool>,
+}
+
+impl Wiring {
+    /// The wiring of a channel.
+    #[must_use]
+    pub fn of(channel: Channel) -> Self {
+        let (strobe, turn) = match channel {
+            Channel::TiltX => (Pin::Strobe, Some(false)),
+            Channel::TiltY => (Pin::Strobe, Some(true)),
+            Channel::FieldX | Channel::FieldY => (Pin::Carrier, None),
+        };
+        Self { strobe, turn }
+    }
+
+    /// The wiring of the third tilt channel: strobed like the others, with a band-pass of its own.
+    #[must_use]
+    pub fn third_tilt() -> Self {
+        Self {
+            strobe: Pin::Strobe,
+            turn: None,
+        }
+    }
+
+    /// Whether the band-pass is shared.
+    #[must_use]
+    pub fn shares_band_pass(self) -> bool {
+        self.turn.is_some()
     }
 }
 
@@ -83,24 +140,29 @@ const OPEN: u64 = u64::MAX;
 /// The switches of one channel at one instant.
 #[derive(Clone, Debug)]
 pub struct Switching {
-    strobe: Pin,
+    wiring: Wiring,
     aperture_cycles: u64,
     now: u64,
     switches: u8,
+    /// Levels of [`Pin::Select`] and [`Pin::Settled`].
+    select: bool,
+    settled: bool,
     /// When each hold switch opens.
     opens: [u64; 2],
     next_edge: u64,
 }
 
 impl Switching {
-    /// A channel strobed by `strobe`, as after reset.
+    /// A channel of that wiring, as after reset.
     #[must_use]
-    pub fn new(strobe: Pin, aperture_cycles: u64) -> Self {
+    pub fn new(wiring: Wiring, aperture_cycles: u64) -> Self {
         Self {
-            strobe,
+            wiring,
             aperture_cycles,
             now: 0,
             switches: 0,
+            select: false,
+            settled: false,
             opens: [OPEN; 2],
             next_edge: 0,
         }
@@ -124,11 +186,27 @@ impl Switching {
         self.next_edge
     }
 
+    /// Whether this channel has the band-pass.
+    #[must_use]
+    pub fn has_band_pass(&self) -> bool {
+        self.wiring.turn.is_none_or(|turn| turn == self.select)
+    }
+
+    /// Whether the monostables run.
+    fn runs(&self) -> bool {
+        match self.wiring.turn {
+            Some(turn) => self.select == turn && self.settled != turn,
+            None => true,
+        }
+    }
+
     /// Goes on to cycle `until` and appends the segments passed, events at `until` included.
     pub fn collect(&mut self, until: u64, edges: &EdgeQueue, segments: &mut Vec<Segment>) {
         loop {
+            // Twice: an aperture that ends with the edge of the next, and one that an edge ends.
             self.open_due(segments);
             let next_edge = self.take_due(edges);
+            self.open_due(segments);
             if self.now >= until {
                 return;
             }
@@ -151,7 +229,7 @@ impl Switching {
     /// Applies the edges due and returns the cycle of the next one that matters to this channel.
     fn take_due(&mut self, edges: &EdgeQueue) -> u64 {
         while let Some(edge) = edges.get(self.next_edge) {
-            let matters = edge.pin == Pin::Carrier || edge.pin == self.strobe;
+            let matters = self.heeds(edge.pin);
             if matters && edge.cycle > self.now {
                 return edge.cycle;
             }
@@ -163,12 +241,29 @@ impl Switching {
         u64::MAX
     }
 
-    fn apply(&mut self, edge: Edge) {
-        if edge.pin == Pin::Carrier {
-            self.switches &= !CARRIER_HIGH;
-            self.switches |= if edge.high { CARRIER_HIGH } else { 0 };
+    /// Whether an edge of `pin`, the next one, changes anything.
+    fn heeds(&self, pin: Pin) -> bool {
+        match pin {
+            Pin::Select | Pin::Settled => self.wiring.turn.is_some(),
+            Pin::Carrier => true,
+            Pin::Strobe => self.wiring.strobe == pin && self.runs(),
         }
-        if edge.pin == self.strobe {
+    }
+
+    fn apply(&mut self, edge: Edge) {
+        match edge.pin {
+            Pin::Carrier => {
+                self.switches &= !CARRIER_HIGH;
+                self.switches |= if edge.high { CARRIER_HIGH } else { 0 };
+            }
+            Pin::Strobe => {}
+            Pin::Select => self.select = edge.high,
+            Pin::Settled => self.settled = edge.high,
+        }
+        if !self.runs() {
+            // What is closed opens now.
+            self.opens = self.opens.map(|at| if at == OPEN { OPEN } else { self.now });
+        } else if edge.pin == self.wiring.strobe {
             let side = usize::from(edge.high);
             self.switches |= CLOSED[side];
             self.opens[side] = edge.cycle + self.aperture_cycles;
@@ -180,27 +275,34 @@ impl Switching {
 mod tests {
     use super::*;
 
+    fn queue(edges: &[(u64, Pin, bool)]) -> EdgeQueue {
+        let mut queue = EdgeQueue::default();
+        for &(cycle, pin, high) in edges {
+            queue.push(Edge { cycle, pin, high });
+        }
+        queue
+    }
+
+    /// What a channel passes up to `until`.
+    fn passed(
+        channel: Channel,
+        aperture: u64,
+        edges: &[(u64, Pin, bool)],
+        until: u64,
+    ) -> Vec<Segment> {
+        let mut segments = Vec::new();
+        Switching::new(Wiring::of(channel), aperture).collect(until, &queue(edges), &mut segments);
+        segments
+    }
+
     #[test]
     fn a_falling_edge_closes_h_plus_and_a_rising_one_h_minus_for_the_aperture() {
-        let mut edges = EdgeQueue::default();
-        edges.push(Edge {
-            cycle: 10,
-            pin: Pin::Carrier,
-            high: true,
-        });
-        edges.push(Edge {
-            cycle: 20,
-            pin: Pin::Strobe,
-            high: true,
-        });
-        edges.push(Edge {
-            cycle: 40,
-            pin: Pin::Strobe,
-            high: false,
-        });
-        let mut tilt = Switching::new(Pin::Strobe, 16);
-        let mut segments = Vec::new();
-        tilt.collect(60, &edges, &mut segments);
+        let edges = [
+            (0, Pin::Settled, true),
+            (10, Pin::Carrier, true),
+            (20, Pin::Strobe, true),
+            (40, Pin::Strobe, false),
+        ];
         let expected = [
             Segment::held(0, 10),
             Segment::held(1, 10),
@@ -211,34 +313,23 @@ mod tests {
             Segment::opened(0),
             Segment::held(1, 4),
         ];
-        assert_eq!(segments, expected);
-        let mut field = Switching::new(Pin::Carrier, 16);
-        segments.clear();
-        field.collect(30, &edges, &mut segments);
-        assert_eq!(
-            segments,
-            [
-                Segment::held(0, 10),
-                Segment::held(1 | 4, 16),
-                Segment::opened(1),
-                Segment::held(1, 4)
-            ]
-        );
+        assert_eq!(passed(Channel::TiltX, 16, &edges, 60), expected);
+        let expected = [
+            Segment::held(0, 10),
+            Segment::held(1 | 4, 16),
+            Segment::opened(1),
+            Segment::held(1, 4),
+        ];
+        assert_eq!(passed(Channel::FieldX, 16, &edges, 30), expected);
     }
 
     #[test]
     fn an_edge_of_the_same_sense_during_the_aperture_starts_it_anew() {
-        let mut edges = EdgeQueue::default();
-        for (cycle, high) in [(0, true), (4, false), (8, true)] {
-            edges.push(Edge {
-                cycle,
-                pin: Pin::Carrier,
-                high,
-            });
-        }
-        let mut field = Switching::new(Pin::Carrier, 10);
-        let mut segments = Vec::new();
-        field.collect(30, &edges, &mut segments);
+        let edges = [
+            (0, Pin::Carrier, true),
+            (4, Pin::Carrier, false),
+            (8, Pin::Carrier, true),
+        ];
         let expected = [
             Segment::held(1 | 4, 4),
             Segment::held(2 | 4, 4),
@@ -248,6 +339,48 @@ mod tests {
             Segment::opened(1),
             Segment::held(1, 12),
         ];
-        assert_eq!(segments, expected);
+        assert_eq!(passed(Channel::FieldX, 10, &edges, 30), expected);
+    }
+
+    #[test]
+    fn a_tilt_channel_is_strobed_only_in_its_turn_once_settled_and_a_turns_end_opens_its_switch() {
+        let edges = [
+            (10, Pin::Strobe, true),
+            (20, Pin::Settled, true),
+            (30, Pin::Strobe, false),
+            (36, Pin::Select, true),
+            (40, Pin::Strobe, true),
+            (50, Pin::Settled, false),
+            (60, Pin::Strobe, false),
+        ];
+        let x = [
+            Segment::held(0, 30),
+            Segment::held(2, 6),
+            Segment::opened(0),
+            Segment::held(0, 64),
+        ];
+        let y = [
+            Segment::held(0, 60),
+            Segment::held(2, 16),
+            Segment::opened(0),
+            Segment::held(0, 24),
+        ];
+        // Edges without effect part what is held.
+        let joined = |channel| {
+            let mut out: Vec<Segment> = Vec::new();
+            for segment in passed(channel, 16, &edges, 100) {
+                use crate::pattern::Meaning::Held;
+                match (out.last().map(|last| last.meaning()), segment.meaning()) {
+                    (Some(Held(set, cycles)), Held(same, more)) if set == same => {
+                        out.pop();
+                        out.push(Segment::held(set, cycles + more));
+                    }
+                    _ => out.push(segment),
+                }
+            }
+            out
+        };
+        assert_eq!(joined(Channel::TiltX), x);
+        assert_eq!(joined(Channel::TiltY), y);
     }
 }

@@ -17,6 +17,31 @@ pub const CARRIER_COUNT: u16 = 499;
 /// band-passed tilt signal peaks. The same match triggers the converter.
 pub const STROBE_COUNT: u16 = 249;
 
+/// A turn of the tilt multiplexer in CPU cycles, for which one channel has the band-pass. Every turn
+/// begins at the same phase of the carrier, so it is a multiple of its 1000 cycles, and Timer2 counts
+/// 125 of 128 cycles in it: 16,000 is the least multiple of both. Its band-pass forgets the neighbour
+/// with a constant of Q/(pi f0), 1,273 cycles: 12 of them before the last strobe; half a turn would
+/// leave an LSB.
+pub const TURN_CYCLES: u64 = (SELECT_COUNT as u64 + 1) * TURN_PRESCALER;
+
+/// Prescaler of Timer2.
+pub const TURN_PRESCALER: u64 = 128;
+
+/// Timer2 count at which OC2A (the multiplexer's select) toggles and the timer starts over.
+pub const SELECT_COUNT: u8 = 124;
+
+/// Timer2 count at which OC2B (settled) toggles: 12,032 cycles after select, with room for four
+/// strobes of either sense before the turn ends. A strobe is 218 cycles away from either end of that
+/// window, or more, if select toggles with the carrier.
+pub const SETTLED_COUNT: u8 = 93;
+
+/// CPU cycles from a turn's start to its first strobes.
+pub const SETTLING_CYCLES: u64 = (SETTLED_COUNT as u64 + 1) * TURN_PRESCALER;
+
+/// Most CPU cycles by which select may follow an edge of the carrier, always the same number: both
+/// timers are started one after the other. Under the 218 cycles to the next strobe.
+pub const MOST_TURN_LAG_CYCLES: u64 = 32;
+
 /// CPU cycles between conversions. A conversion takes 13.5 ADC clocks (1728 cycles at 125 kHz) and
 /// 3 cycles of synchronisation, so the next compare match it can follow is four half periods on.
 pub const CONVERSION_CYCLES: u64 = 4 * HALF_CARRIER_CYCLES;
@@ -39,7 +64,7 @@ pub const BLOCK_CONVERSIONS: usize = BLOCK_ROUNDS * super::CHANNELS;
 pub const BLOCK_CYCLES: u64 = BLOCK_CONVERSIONS as u64 * CONVERSION_CYCLES;
 
 /// Blocks ignored after reset (neither summed nor published), while the analog filters settle: 12 of
-/// 8 ms are more than ten time constants of the slowest (31 Hz) low-pass. Solution periods follow.
+/// 8 ms are more than ten time constants of the slowest (28 Hz) low-pass. Solution periods follow.
 pub const WARM_UP_BLOCKS: usize = 12;
 
 /// How many conversions of a channel are averaged, and how often: once in a period, the last of it.
@@ -163,6 +188,11 @@ pub mod pins {
     /// Strobe of the tilt channels' track-and-hold pairs: the falling edge samples the positive
     /// half-cycle, the rising edge the negative. OC1B.
     pub const STROBE: &str = "PB2";
+    /// Select of the tilt channels' multiplexer: low gives the band-pass to x, high to y. OC2A.
+    pub const SELECT: &str = "PB3";
+    /// Follows SELECT by [`super::SETTLING_CYCLES`]: while the two differ the band-pass has settled,
+    /// and strobes reach the track-and-hold pair of the selected channel. OC2B.
+    pub const SETTLED: &str = "PD3";
     /// Positive input of the analog comparator: the third tilt channel, where fitted. AIN0.
     pub const THIRD_TILT: &str = "PD6";
     /// Negative input of the analog comparator: mid supply, where a third tilt channel is fitted. AIN1.

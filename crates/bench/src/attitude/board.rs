@@ -1,7 +1,7 @@
-//! The breadboard of the attitude sensor, wired like its schematic: the chip's pins PB1 (carrier)
-//! and PB2 (strobe) drive the front end, whose four outputs are ADC0..ADC3; PB5 shows when the
-//! firmware computes; the serial line ends in the sink. Where a third tilt axis is fitted, its output
-//! is AIN0 (PD6), beside mid supply on AIN1 (PD7).
+//! The breadboard of the attitude sensor, wired like its schematic: the chip's pins PB1 (carrier),
+//! PB2 (strobe), PB3 and PD3 (the tilt channels' multiplexer) drive the front end, whose four outputs
+//! are ADC0..ADC3; PB5 shows when the firmware computes; the serial line ends in the sink. Where a third tilt axis
+//! is fitted, its output is AIN0 (PD6), beside mid supply on AIN1 (PD7).
 //!
 //! The firmware reads the third axis after the last conversion of a solution. That conversion, and what
 //! follows it, waits here for the reading, so that it can be published with what belongs to it.
@@ -36,6 +36,8 @@ const MID_SUPPLY_V: f64 = REFERENCE_V / 2.0;
 /// The pins by which the firmware drives the board.
 const CARRIER: Pin = Pin::b(1);
 const STROBE: Pin = Pin::b(2);
+const SELECT: Pin = Pin::b(3);
+const SETTLED: Pin = Pin::d(3);
 const SOLVING: Pin = Pin::b(5);
 
 /// Everything outside the chip.
@@ -197,6 +199,8 @@ impl Environment for Board<'_> {
         let driven = match pin {
             CARRIER => DrivenPin::Carrier,
             STROBE => DrivenPin::Strobe,
+            SELECT => DrivenPin::Select,
+            SETTLED => DrivenPin::Settled,
             SOLVING if !level => {
                 // The deadline: done before the next block's conversions are complete.
                 if let Some(complete) = self.state.pending.pop_front() {
@@ -209,6 +213,8 @@ impl Environment for Board<'_> {
         match driven {
             DrivenPin::Carrier => self.state.schedule.carrier(cycle),
             DrivenPin::Strobe => self.state.schedule.strobe(cycle),
+            DrivenPin::Select => self.state.schedule.select(cycle, level),
+            DrivenPin::Settled => self.state.schedule.settled(cycle, level),
         }
         let result = self.frontend.pin_edge(Cycles(cycle), driven, level);
         self.keep(result.map_err(Into::into));

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use cardan_emulator::{ATMEGA328P, Machine, Stop};
 use cardan_firmware::nodes::{Accumulator, Sample};
-use cardan_frontend::{AdcErrors, Frontend};
+use cardan_frontend::{AdcErrors, Design, Frontend};
 use cardan_scenario::{Scenario, Trajectory};
 use cardan_spec::calibration::{Calibration, LEN};
 use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
@@ -91,12 +91,9 @@ impl Engine for EmulatedEngine {
             return Err(EngineError::Link(error));
         }
         let state = board.state;
-        let mut remarks: Vec<String> = board
-            .frontend
-            .saturations()
-            .iter()
-            .map(|saturation| format!("{saturation:?}"))
-            .collect();
+        let mut remarks = vec![residue(board.frontend.design())];
+        let saturations = board.frontend.saturations();
+        remarks.extend(saturations.iter().map(|stage| format!("{stage:?}")));
         remarks.extend(self.machine.reports().iter().map(ToString::to_string));
         let crash = match stop {
             Stop::Crash(crash) => Some(crash.to_string()),
@@ -132,6 +129,14 @@ impl Engine for EmulatedEngine {
             remarks,
         })
     }
+}
+
+/// What the tilt channels' multiplexer costs.
+fn residue(design: &Design) -> String {
+    format!(
+        "tilt multiplexer: {:.4} LSB of the neighbour's full scale remain in an average, by design",
+        design.tilt.residue_lsb
+    )
 }
 
 const fn index<N: cardan_datapath::Node>() -> usize {

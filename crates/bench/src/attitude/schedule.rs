@@ -2,7 +2,8 @@
 //! cycle: a wrong phase shows in no node, because native works on the codes that it caused.
 
 use cardan_spec::timing::{
-    ADC_HOLD_CYCLES, BYTE_CYCLES, CARRIER_COUNT, HALF_CARRIER_CYCLES, STROBE_COUNT,
+    ADC_HOLD_CYCLES, BYTE_CYCLES, CARRIER_COUNT, HALF_CARRIER_CYCLES, MOST_TURN_LAG_CYCLES,
+    SETTLING_CYCLES, STROBE_COUNT, TURN_CYCLES,
 };
 
 /// The strobe follows the carrier by a quarter period: counts from CARRIER_COUNT's match, at which
@@ -15,6 +16,11 @@ const STROBE_LAG_CYCLES: u64 =
 pub(super) struct Schedule {
     carrier: Option<u64>,
     strobe: Option<u64>,
+    /// The multiplexer's last switching; before the first, the carrier's first edge.
+    turn: Option<u64>,
+    settled: Option<u64>,
+    /// Levels of select and settled.
+    levels: [bool; 2],
     byte: Option<u64>,
     violations: u64,
     first: Option<String>,
@@ -24,6 +30,7 @@ impl Schedule {
     /// An edge of the carrier: half a period after its predecessor.
     pub(super) fn carrier(&mut self, cycle: u64) {
         let last = self.carrier.replace(cycle);
+        self.turn.get_or_insert(cycle);
         self.expect(
             "carrier edge",
             cycle,
@@ -41,8 +48,44 @@ impl Schedule {
         self.expect("strobe edge", cycle, expected);
     }
 
-    /// The converter holds: a fixed time after the strobe edge that triggered it.
+    /// The multiplexer switches: with an edge of the carrier or little later, a turn after the last
+    /// time, and a fixed time after it was told that the band-pass has settled.
+    pub(super) fn select(&mut self, cycle: u64, level: bool) {
+        let lag = self.carrier.map(|carrier| cycle - carrier);
+        if lag.is_none_or(|lag| lag % HALF_CARRIER_CYCLES > MOST_TURN_LAG_CYCLES) {
+            self.violate(format!(
+                "select edge at cycle {cycle}, due at most {MOST_TURN_LAG_CYCLES} cycles after the \
+                 carrier's"
+            ));
+        }
+        let settled = self.settled.map_or(0, |at| at + TURN_CYCLES - SETTLING_CYCLES);
+        self.expect("select edge", cycle, Some(settled));
+        self.turn = Some(cycle);
+        self.levels[0] = level;
+    }
+
+    /// The band-pass has settled to the selected channel: a fixed time after the select edge. The first
+    /// one comes before any, so the next select edge is held against it. From here the pins differ.
+    pub(super) fn settled(&mut self, cycle: u64, level: bool) {
+        let first = self.settled.is_none();
+        let expected = self.turn.filter(|_| !first).map(|turn| turn + SETTLING_CYCLES);
+        self.expect("settled edge", cycle, expected);
+        self.settled = Some(cycle);
+        self.levels[1] = level;
+        if self.levels[0] == self.levels[1] {
+            self.violate(format!(
+                "settled edge at cycle {cycle} to the level of select, due to the other one"
+            ));
+        }
+    }
+
+    /// The converter holds: a fixed time after the strobe edge that triggered it. The multiplexer must
+    /// have switched within a turn (a carrier edge is the first one's yardstick).
     pub(super) fn hold(&mut self, cycle: u64) {
+        let due = self.turn.map_or(0, |turn| turn + TURN_CYCLES + MOST_TURN_LAG_CYCLES);
+        if cycle > due {
+            self.violate(format!("no select edge up to cycle {cycle}, due at {due}"));
+        }
         let expected = self.strobe.map(|strobe| strobe + ADC_HOLD_CYCLES);
         // A conversion without any strobe is off the schedule as well.
         self.expect("hold instant", cycle, Some(expected.unwrap_or(0)));
@@ -72,8 +115,11 @@ impl Schedule {
         let Some(expected) = expected.filter(|&expected| expected != cycle) else {
             return;
         };
+        self.violate(format!("{what} at cycle {cycle}, due at {expected}"));
+    }
+
+    fn violate(&mut self, message: String) {
         self.violations += 1;
-        self.first
-            .get_or_insert_with(|| format!("{what} at cycle {cycle}, due at {expected}"));
+        self.first.get_or_insert(message);
     }
 }

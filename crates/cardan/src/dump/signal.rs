@@ -37,13 +37,13 @@ impl Stage {
         (Self::LowPass, "low_pass"),
     ];
 
-    /// Its voltage.
-    pub(crate) fn of(self, inner: &Inner) -> f64 {
+    /// Its voltage; none for a band-pass that another channel has.
+    pub(crate) fn of(self, inner: &Inner) -> Option<f64> {
         match self {
             Self::BandPass => inner.band_pass_v,
-            Self::HoldPlus => inner.hold_v[0],
-            Self::HoldMinus => inner.hold_v[1],
-            Self::LowPass => inner.low_pass_v,
+            Self::HoldPlus => Some(inner.hold_v[0]),
+            Self::HoldMinus => Some(inner.hold_v[1]),
+            Self::LowPass => Some(inner.low_pass_v),
         }
     }
 

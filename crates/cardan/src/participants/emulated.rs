@@ -78,10 +78,11 @@ impl Sink for Publisher {
 
     fn inner(&mut self, cycle: u64, channel: u8, inner: &Inner) -> Result<(), SinkError> {
         for &(wanted, stage, signal) in &self.wanted.inner {
-            if wanted == channel {
+            let value = stage.of(inner).filter(|_| wanted == channel);
+            if let Some(value) = value {
                 self.signals.push(SignalValue {
                     cycle,
-                    value: stage.of(inner),
+                    value,
                     signal,
                 })?;
             }

@@ -1,7 +1,10 @@
 //! A board, its clock and scripted experiences.
 
+use std::iter::Peekable;
+
 use cardan_frontend::Frontend;
 use cardan_frontend::design::nominal_edges;
+use cardan_frontend::switching::Edge;
 use cardan_scenario::{Experience, Scenario, Stimulus};
 use cardan_spec::Channel;
 use cardan_spec::timing::CPU_HZ;
@@ -30,17 +33,16 @@ pub(crate) fn quiet() -> Scenario {
     scenario
 }
 
-/// Pushes the nominal edges up to `cycle`, from number `*next` on.
-pub(crate) fn clock<S: Stimulus>(board: &mut Frontend<S>, next: &mut u64, cycle: u64) {
-    loop {
-        let edge = nominal_edges(*next / 2)[(*next % 2) as usize];
-        if edge.cycle > cycle {
-            return;
-        }
+/// Pushes the edges up to `cycle`.
+pub(crate) fn clock<S: Stimulus>(
+    board: &mut Frontend<S>,
+    edges: &mut Peekable<impl Iterator<Item = Edge>>,
+    cycle: u64,
+) {
+    while let Some(edge) = edges.next_if(|edge| edge.cycle <= cycle) {
         board
             .pin_edge(Cycles(edge.cycle), edge.pin, edge.high)
             .expect("in order");
-        *next += 1;
     }
 }
 
@@ -53,11 +55,11 @@ pub(crate) fn voltages<S: Stimulus>(
     times_s: impl Iterator<Item = f64>,
 ) -> Vec<f64> {
     let mut board = Frontend::new(scenario, seed, stimulus).expect("a working design");
-    let mut next = 0;
+    let mut edges = nominal_edges().peekable();
     times_s
         .map(|t| {
             let cycle = (t * CPU_HZ as f64) as u64;
-            clock(&mut board, &mut next, cycle);
+            clock(&mut board, &mut edges, cycle);
             board.voltage(Cycles(cycle), channel).expect("in order").0
         })
         .collect()

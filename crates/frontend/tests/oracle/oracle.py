@@ -30,7 +30,10 @@ def steps(request):
 
 
 class Chain:
-    """One channel: sensor, band-pass, hold capacitors, low-pass; see the table in chain.rs."""
+    """A magnetometer channel: sensor, band-pass, hold capacitors, low-pass; see the table in chain.rs."""
+
+    states = 8
+    outputs = [6]
 
     def __init__(self, p):
         self.p = p
@@ -38,64 +41,77 @@ class Chain:
         self.kept = {}
         self.gain = p["lna_gain"] * p["band_pass_gain"]
 
-    def matrices(self, carrier, plus, minus):
-        p, tau = self.p, 2 * np.pi
-        a, b = np.zeros((8, 8)), np.zeros(8)
-        bias = drive = 1.0
-        if p["kind"] == "tilt":
-            gas, detector = tau * p["convection_hz"], tau * p["detector_hz"]
-            a[0, 0], a[1, 0], a[1, 1] = -gas, detector, -detector
-            b[0] = gas * p["sensitivity_v"] * self.gain
-            sensed, bias = 1, carrier
-        else:
-            w = tau * p["resonance_hz"]
-            a[0, 1], a[1, 0], a[1, 1] = w, -w, -w / p["quality"]
-            drive = carrier
-            b[1] = w / p["quality"] * p["sensitivity_v"] * self.gain * drive
-            sensed = 0
-        w = tau * p["band_pass_hz"]
-        a[2, sensed] = w / p["band_pass_quality"] * bias
-        a[2, 2], a[2, 3], a[3, 2] = -w / p["band_pass_quality"], -w, w
-        for state, closed in ((4, plus), (5, minus)):
+    def band_pass(self, a, v, z):
+        """Rows of the band-pass with output v; returns its width."""
+        w = 2 * np.pi * self.p["band_pass_hz"]
+        width = w / self.p["band_pass_quality"]
+        a[v, v], a[v, z], a[z, v] = -width, -w, w
+        return width
+
+    def hold_and_low_pass(self, a, source, plus, minus, first):
+        """Rows of the capacitors and the low-pass, from row `first`; the capacitors sample `source`."""
+        p = self.p
+        for state, closed in ((first, plus), (first + 1, minus)):
             a[state, state] = -1 / (p["leak_ohm"] * p["hold_f"])
             if closed:
                 rate = 1 / (p["switch_ohm"] * p["hold_f"])
                 a[state, state] -= rate
-                a[state, 2] = rate
-        w = tau * p["low_pass_hz"]
-        a[6, 7], a[7, 6], a[7, 7] = w, -w, -np.sqrt(2) * w
-        a[7, 4], a[7, 5] = w / 2, -w / 2
+                a[state, source] = rate
+        w = 2 * np.pi * p["low_pass_hz"]
+        low, rest = first + 2, first + 3
+        a[low, rest], a[rest, low], a[rest, rest] = w, -w, -np.sqrt(2) * w
+        a[rest, first], a[rest, first + 1] = w / 2, -w / 2
+
+    def matrices(self, carrier, plus, minus):
+        p = self.p
+        a, b = np.zeros((8, 8)), np.zeros(8)
+        w = 2 * np.pi * p["resonance_hz"]
+        a[0, 1], a[1, 0], a[1, 1] = w, -w, -w / p["quality"]
+        b[1] = w / p["quality"] * p["sensitivity_v"] * self.gain * carrier
+        a[2, 0] = self.band_pass(a, 2, 3)
+        self.hold_and_low_pass(a, 2, plus, minus, 4)
         return a, b
 
+    def rest(self):
+        """The switches after reset."""
+        return -1.0, False, False
+
+    def switches(self, levels, pulses, start):
+        """The switches from `start` on."""
+        closed = lambda side: any(s <= start < e for s, e in pulses["Carrier"][side])
+        return 1.0 if levels(start)["Carrier"] else -1.0, closed(False), closed(True)
+
     def timeline(self, edges, end):
-        """Intervals (start, end, carrier, plus, minus) in cycles, from the pins' edges."""
-        strobe = "Strobe" if self.p["kind"] == "tilt" else "Carrier"
-        closed = {True: [], False: []}
+        """Intervals (start, end, switches) in cycles, from the pins' edges."""
+        pulses = {pin: {False: [], True: []} for pin in ("Carrier", "Strobe")}
         for cycle, pin, high in edges:
-            if pin == strobe:
-                closed[high].append((cycle, cycle + self.p["aperture_cycles"]))
-        times = {0, end} | {c for c, _, _ in edges} | {c for v in closed.values() for w in v for c in w}
+            if pin in pulses:
+                pulses[pin][high].append((cycle, cycle + self.p["aperture_cycles"]))
+        ends = {c for pin in pulses.values() for side in pin.values() for w in side for c in w}
+        times = {0, end} | {c for c, _, _ in edges} | ends
         times |= set(range(0, end, self.p["span_cycles"])) | set(self.p["reads"])
         times = sorted(t for t in times if t <= end)
-        carrier_edges = [(c, high) for c, pin, high in edges if pin == "Carrier"]
+
+        def levels(at):
+            pins = dict.fromkeys(("Carrier", "Strobe", "Select", "Settled"), False)
+            pins.update((pin, high) for c, pin, high in edges if c <= at)
+            return pins
+
         for start, stop in zip(times, times[1:]):
-            level = [high for c, high in carrier_edges if c <= start][-1:]
-            carrier = 1.0 if level and level[0] else -1.0
-            plus, minus = (any(s <= start < e for s, e in closed[side]) for side in (False, True))
-            yield start, stop, carrier, plus, minus
+            yield start, stop, self.switches(levels, pulses, start)
 
     def run(self, edges, offset, amplitude, hz):
         """Voltages at the reads under offset + amplitude sin(2 pi hz t)."""
         value = lambda cycle: offset + amplitude * np.sin(2 * np.pi * hz * cycle / self.cpu_hz)
-        a, b = self.matrices(-1.0, False, False)
+        a, b = self.matrices(*self.rest())
         x = -np.linalg.solve(a, b * value(0))
         volts, reads = [], set(self.p["reads"])
         advance = self.with_sine if self.p["continuous"] else self.with_lines
-        for start, stop, *switches in self.timeline(edges, max(reads)):
+        for start, stop, switches in self.timeline(edges, max(reads)):
             a, b = self.matrices(*switches)
             x = advance(a, b, x, start, stop, value, (offset, amplitude, hz))
             if stop in reads:
-                volts.append(2.5 + self.p["output_gain"] * x[6])
+                volts.append([2.5 + self.p["output_gain"] * x[output] for output in self.outputs])
         return volts
 
     def with_lines(self, a, b, x, start, stop, value, _):
@@ -114,21 +130,62 @@ class Chain:
     def with_sine(self, a, b, x, start, stop, _, sine):
         """Exactly, with the input's sine as further states."""
         offset, amplitude, hz = sine
-        w = 2 * np.pi * hz
-        whole = np.zeros((11, 11))
-        whole[:8, :8], whole[:8, 8], whole[:8, 10] = a, b * amplitude, b * offset
-        whole[8, 9], whole[9, 8] = w, -w
+        w, n = 2 * np.pi * hz, self.states
+        whole = np.zeros((n + 3, n + 3))
+        whole[:n, :n], whole[:n, n], whole[:n, n + 2] = a, b * amplitude, b * offset
+        whole[n, n + 1], whole[n + 1, n] = w, -w
         # The same few intervals recur under the same few switches: keep their exponentials.
         key = (whole.tobytes(), stop - start)
         if key not in self.kept:
             self.kept[key] = linalg.expm(whole * (stop - start) / self.cpu_hz)
         phase = w * start / self.cpu_hz
         y = np.concatenate([x, [np.sin(phase), np.cos(phase), 1.0]])
-        return (self.kept[key] @ y)[:8]
+        return (self.kept[key] @ y)[:n]
+
+
+class TiltPair(Chain):
+    """Both tilt channels with the one band-pass that they share, as one system of 14 states: the
+    band-pass, then of x and of y the sensor, the hold capacitors, the low-pass. The force along y is
+    `force_y` of that along x."""
+
+    states = 14
+    outputs = [6, 12]
+
+    def matrices(self, carrier, select, closed):
+        p, tau = self.p, 2 * np.pi
+        a, b = np.zeros((14, 14)), np.zeros(14)
+        width = self.band_pass(a, 0, 1)
+        gas, detector = tau * p["convection_hz"], tau * p["detector_hz"]
+        for channel, force in enumerate((1.0, p["force_y"])):
+            first = 2 + 6 * channel
+            a[first, first] = -gas
+            a[first + 1, first], a[first + 1, first + 1] = detector, -detector
+            b[first] = gas * p["sensitivity_v"] * self.gain * force
+            self.hold_and_low_pass(a, 0, *closed[channel], first + 2)
+            if select == channel:
+                a[0, first + 1] = width * carrier
+        return a, b
+
+    def rest(self):
+        return -1.0, 0, ((False, False), (False, False))
+
+    def switches(self, levels, pulses, start):
+        pins = levels(start)
+        closed = [(False, False), (False, False)]
+        selected = int(pins["Select"])
+        if pins["Settled"] != pins["Select"]:
+            # A pulse begins only where its strobe finds this channel's turn settled.
+            began = lambda s: levels(s)["Select"] == pins["Select"] != levels(s)["Settled"]
+            closed[selected] = tuple(
+                any(s <= start < e and began(s) for s, e in pulses["Strobe"][side])
+                for side in (False, True)
+            )
+        return 1.0 if pins["Carrier"] else -1.0, selected, tuple(closed)
 
 
 def chain(request):
-    return Chain(request).run([tuple(edge) for edge in request["edges"]], *request["input"])
+    kind = TiltPair if request["kind"] == "tilt" else Chain
+    return kind(request).run([tuple(edge) for edge in request["edges"]], *request["input"])
 
 
 def welch(request):

@@ -1,8 +1,8 @@
-//! The solving pin, and the directions of the pins that Timer1 drives.
+//! The solving pin, and the directions of the pins that timers drive.
 
 use core::convert::Infallible;
 
-use avr_device::atmega328p::PORTB;
+use avr_device::atmega328p::{PORTB, PORTD};
 use embedded_hal::digital::{ErrorType, OutputPin};
 
 /// PB5: high while a solution is computed.
@@ -11,9 +11,11 @@ pub struct SolvingPin {
 }
 
 impl SolvingPin {
-    /// Makes PB1 (OC1A), PB2 (OC1B) and PB5 outputs.
-    pub fn new(port: PORTB) -> Self {
-        port.ddrb().write(|w| w.pb1().set_bit().pb2().set_bit().pb5().set_bit());
+    /// Makes PB1 (OC1A), PB2 (OC1B), PB3 (OC2A), PD3 (OC2B) and PB5 outputs.
+    pub fn new(port: PORTB, other: &PORTD) -> Self {
+        port.ddrb()
+            .write(|w| w.pb1().set_bit().pb2().set_bit().pb3().set_bit().pb5().set_bit());
+        other.ddrd().write(|w| w.pd3().set_bit());
         Self { port }
     }
 }
