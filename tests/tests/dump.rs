@@ -227,8 +227,13 @@ fn pins_have_a_row_per_edge_and_inner_voltages_are_those_of_the_chain() {
     let table = folder.path().join("p.csv");
     let names = [
         "PB1",
+        "PB3",
+        "PD3",
         "pin PB5",
         "adc0_V",
+        "adc1_V",
+        "adc0_band_pass_V",
+        "adc1_band_pass_V",
         "adc0_hold_plus_V",
         "adc0_hold_minus_V",
         "adc0_low_pass_V",
@@ -243,6 +248,7 @@ fn pins_have_a_row_per_edge_and_inner_voltages_are_those_of_the_chain() {
         assert_eq!(pair[1].0 - pair[0].0, HALF_CARRIER_CYCLES);
         assert_eq!(pair[1].1, 1.0 - pair[0].1);
     }
+    check_turns(&columns, &carrier);
     let solving = series(&columns, "PB5");
     assert_eq!(solving.len(), 1 + 2 * 25, "up and down per solution");
     // The low-pass averages the pair, the last amplifier puts it around mid supply.
@@ -271,6 +277,42 @@ fn pins_have_a_row_per_edge_and_inner_voltages_are_those_of_the_chain() {
             "row {at}: {pair} V, {} V",
             low_pass[at].1
         );
+    }
+}
+
+/// The multiplexer switches by the schedule, and the band-pass is shown for the channel that has it.
+fn check_turns(columns: &Columns, carrier: &[(u64, f64)]) {
+    let (select, settled) = (series(columns, "PB3"), series(columns, "PD3"));
+    assert!(select.len() > 290, "{} turns in 0.3 s", select.len());
+    let lag = (select[1].0 - carrier[1].0) % HALF_CARRIER_CYCLES;
+    assert!(
+        lag <= MOST_TURN_LAG_CYCLES,
+        "{lag} cycles after the carrier"
+    );
+    for pair in select[1..].windows(2) {
+        assert_eq!(pair[1].0 - pair[0].0, TURN_CYCLES);
+        assert_eq!(pair[1].1, 1.0 - pair[0].1);
+    }
+    for (settled, select) in settled[2..].iter().zip(&select[1..]) {
+        assert_eq!(settled.0 - select.0, SETTLING_CYCLES);
+        assert_eq!(settled.1, 1.0 - select.1, "they differ once settled");
+    }
+    for (level, volts, band_pass) in [
+        (0.0, "adc0_V", "adc0_band_pass_V"),
+        (1.0, "adc1_V", "adc1_band_pass_V"),
+    ] {
+        let cycles = |name: &str| -> Vec<u64> {
+            series(columns, name)
+                .iter()
+                .map(|&(cycle, _)| cycle)
+                .collect()
+        };
+        let mut own_turns = cycles(volts);
+        own_turns.retain(|&cycle| {
+            let last = select.partition_point(|edge| edge.0 <= cycle) - 1;
+            select[last].1 == level
+        });
+        assert_eq!(cycles(band_pass), own_turns, "{band_pass}");
     }
 }
 

@@ -25,8 +25,8 @@ use cardan_frontend::{Design, Frontend, matrix};
 use cardan_scenario::{Experience, Scenario, Stimulus, Trajectory};
 use cardan_sensors::{Accelerometer, Axis, LinearSensor, Magnetometer, Modulation};
 use cardan_spec::timing::{
-    ADC_HOLD_CYCLES, CARRIER_COUNT, CONVERSION_CYCLES, CPU_HZ, HALF_CARRIER_CYCLES, SETTLING_CYCLES,
-    STROBE_COUNT, TURN_CYCLES,
+    ADC_HOLD_CYCLES, CARRIER_COUNT, CONVERSION_CYCLES, CPU_HZ, HALF_CARRIER_CYCLES,
+    SETTLING_CYCLES, STROBE_COUNT, TURN_CYCLES,
 };
 use cardan_spec::{CHANNELS, Channel, REFERENCE_V};
 use cardan_units::Cycles;

@@ -235,14 +235,21 @@ impl Kind<'_> {
             "{residue_lsb:.2} LSB of the tilt channel that has the band-pass before remain in an \
              average; expected at most {MOST_RESIDUE_LSB}, {admissible}"
         );
-        Error::design("frontend.band_pass_quality, frontend.band_pass_hz", &message)
+        Error::design(
+            "frontend.band_pass_quality, frontend.band_pass_hz",
+            &message,
+        )
     }
 
     fn response(&self, parameters: &Parameters, low_pass_hz: f64) -> Result<Response, Error> {
         let chain = self.chain(parameters, 1.0, low_pass_hz);
         let mut patterns = Patterns::new(&chain, CPU_HZ as f64);
         let response = if self.wiring.shares_band_pass() {
-            turns::response(&mut patterns, self.wiring, parameters.aperture_cycles as u64)
+            turns::response(
+                &mut patterns,
+                self.wiring,
+                parameters.aperture_cycles as u64,
+            )
         } else {
             self.response_alone(&mut patterns)
         };

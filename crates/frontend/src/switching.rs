@@ -262,7 +262,9 @@ impl Switching {
         }
         if !self.runs() {
             // What is closed opens now.
-            self.opens = self.opens.map(|at| if at == OPEN { OPEN } else { self.now });
+            self.opens = self
+                .opens
+                .map(|at| if at == OPEN { OPEN } else { self.now });
         } else if edge.pin == self.wiring.strobe {
             let side = usize::from(edge.high);
             self.switches |= CLOSED[side];

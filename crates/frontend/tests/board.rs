@@ -64,7 +64,13 @@ fn a_ramp_comes_out_later_by_the_nominal_group_delay_on_every_channel() {
         (Channel::FieldY, -field_rate, FIELD_FULL_SCALE_UT),
     ] {
         let times = (0..16).map(|k| 0.5 + 0.5e-3 * f64::from(k));
-        let found = voltages(&quiet(), 1, ramp(channel as usize % 2), channel, times.clone());
+        let found = voltages(
+            &quiet(),
+            1,
+            ramp(channel as usize % 2),
+            channel,
+            times.clone(),
+        );
         let late = found.iter().zip(times).map(|(volts, t)| {
             let input = (volts / 2.5 - 1.0) * full_scale;
             t - input / rate - delay_s
@@ -116,7 +122,11 @@ fn after_a_step_of_the_neighbour_no_average_keeps_more_of_it_than_the_design_say
     use cardan_spec::timing::{ADC_HOLD_CYCLES, CONVERSION_CYCLES};
     // x goes from one end of the scale to the other, y stays at zero.
     let step = Script(|t: f64| Experience {
-        specific_force_g: [if t < 0.2 { -1.0 } else { 1.0 } * TILT_FULL_SCALE_G, 0.0, 0.0],
+        specific_force_g: [
+            if t < 0.2 { -1.0 } else { 1.0 } * TILT_FULL_SCALE_G,
+            0.0,
+            0.0,
+        ],
         ..Experience::default()
     });
     let mut board = Frontend::new(&quiet(), 1, step).expect("a working design");

@@ -56,14 +56,25 @@ fn a_band_pass_too_slow_for_the_multiplexer_is_refused_with_the_largest_quality_
             .residue_lsb;
         let single = 512.0 * f64::exp(-15_750.0 / 16e6 * std::f64::consts::PI * hz / quality);
         println!("{quality}: {found} LSB, last strobe {single}");
-        assert!(found > 0.9 * single && found < 4.0 * single, "{quality}: {found} {single}");
+        assert!(
+            found > 0.9 * single && found < 4.0 * single,
+            "{quality}: {found} {single}"
+        );
     }
     for quality in [6.5, 8.0, 30.0, 100.0] {
         let message = with(quality, 16e3).expect_err("refused").to_string();
-        for part in ["frontend.band_pass_quality", "frontend.band_pass_hz", "LSB", "at most 0.1"] {
+        for part in [
+            "frontend.band_pass_quality",
+            "frontend.band_pass_hz",
+            "LSB",
+            "at most 0.1",
+        ] {
             assert!(message.contains(part), "{part}: {message}");
         }
-        let told = message.split("up to ").nth(1).and_then(|rest| rest.split(' ').next());
+        let told = message
+            .split("up to ")
+            .nth(1)
+            .and_then(|rest| rest.split(' ').next());
         let most: f64 = told.and_then(|text| text.parse().ok()).expect("a number");
         assert!(with(most, 16e3).is_ok(), "{most}");
         assert!(with(most + 0.01, 16e3).is_err(), "{most}");

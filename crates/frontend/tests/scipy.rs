@@ -234,7 +234,8 @@ fn jittered_edges(end: u64, jitter: u64) -> Vec<Edge> {
 }
 
 #[test]
-fn chain_and_multiplexed_pair_under_jittered_edges_agree_with_an_integrator_to_1e_9_of_full_scale() {
+fn chain_and_multiplexed_pair_under_jittered_edges_agree_with_an_integrator_to_1e_9_of_full_scale()
+{
     let edges = jittered_edges(60_000, 120);
     let reads: Vec<u64> = (1..=30).map(|k| k * 1_987).collect();
     for kind in ["tilt", "field"] {

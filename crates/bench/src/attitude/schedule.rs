@@ -58,7 +58,9 @@ impl Schedule {
                  carrier's"
             ));
         }
-        let settled = self.settled.map_or(0, |at| at + TURN_CYCLES - SETTLING_CYCLES);
+        let settled = self
+            .settled
+            .map_or(0, |at| at + TURN_CYCLES - SETTLING_CYCLES);
         self.expect("select edge", cycle, Some(settled));
         self.turn = Some(cycle);
         self.levels[0] = level;
@@ -68,7 +70,10 @@ impl Schedule {
     /// one comes before any, so the next select edge is held against it. From here the pins differ.
     pub(super) fn settled(&mut self, cycle: u64, level: bool) {
         let first = self.settled.is_none();
-        let expected = self.turn.filter(|_| !first).map(|turn| turn + SETTLING_CYCLES);
+        let expected = self
+            .turn
+            .filter(|_| !first)
+            .map(|turn| turn + SETTLING_CYCLES);
         self.expect("settled edge", cycle, expected);
         self.settled = Some(cycle);
         self.levels[1] = level;
@@ -82,7 +87,9 @@ impl Schedule {
     /// The converter holds: a fixed time after the strobe edge that triggered it. The multiplexer must
     /// have switched within a turn (a carrier edge is the first one's yardstick).
     pub(super) fn hold(&mut self, cycle: u64) {
-        let due = self.turn.map_or(0, |turn| turn + TURN_CYCLES + MOST_TURN_LAG_CYCLES);
+        let due = self
+            .turn
+            .map_or(0, |turn| turn + TURN_CYCLES + MOST_TURN_LAG_CYCLES);
         if cycle > due {
             self.violate(format!("no select edge up to cycle {cycle}, due at {due}"));
         }
@@ -121,5 +128,95 @@ impl Schedule {
     fn violate(&mut self, message: String) {
         self.violations += 1;
         self.first.get_or_insert(message);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use cardan_frontend::Pin;
+    use cardan_frontend::design::nominal_edges;
+    use cardan_frontend::switching::Edge;
+
+    /// Three periods of the multiplexer, with hold instants, each edge changed by `change`.
+    fn first_violation(change: impl Fn(Edge) -> Option<Edge>) -> Option<String> {
+        let mut schedule = Schedule::default();
+        let mut strobes = 0_u64;
+        for edge in nominal_edges()
+            .take_while(|edge| edge.cycle <= 6 * TURN_CYCLES)
+            .filter_map(change)
+        {
+            match edge.pin {
+                Pin::Carrier => schedule.carrier(edge.cycle),
+                Pin::Strobe => {
+                    schedule.strobe(edge.cycle);
+                    strobes += 1;
+                }
+                Pin::Select => schedule.select(edge.cycle, edge.high),
+                Pin::Settled => schedule.settled(edge.cycle, edge.high),
+            }
+            if edge.pin == Pin::Strobe && strobes.is_multiple_of(4) {
+                schedule.hold(edge.cycle + ADC_HOLD_CYCLES);
+            }
+        }
+        assert_eq!(
+            schedule.violations() > 0,
+            schedule.first_violation().is_some()
+        );
+        schedule.first_violation()
+    }
+
+    fn later(edge: Edge, by: u64) -> Edge {
+        let cycle = edge.cycle + by;
+        Edge { cycle, ..edge }
+    }
+
+    #[test]
+    fn the_design_s_edges_keep_the_schedule_also_when_every_turn_lags_as_much_as_it_may() {
+        assert_eq!(first_violation(Some), None);
+        let lagging = |edge: Edge| match edge.pin {
+            Pin::Select | Pin::Settled => Some(later(edge, MOST_TURN_LAG_CYCLES)),
+            _ => Some(edge),
+        };
+        assert_eq!(first_violation(lagging), None);
+    }
+
+    #[test]
+    fn a_multiplexer_off_its_schedule_is_noticed() {
+        let told = |change: &dyn Fn(Edge) -> Option<Edge>, expected: &str| {
+            let message = first_violation(change).expect("noticed");
+            assert!(message.starts_with(expected), "{expected}: {message}");
+        };
+        let select = |edge: &Edge| edge.pin == Pin::Select;
+        let turns = |edge: &Edge| matches!(edge.pin, Pin::Select | Pin::Settled);
+        let once = |edge: Edge| select(&edge) && edge.cycle == 3 * TURN_CYCLES;
+        told(
+            &|edge| Some(later(edge, u64::from(once(edge)))),
+            "select edge at cycle 48001, due at 48000",
+        );
+        told(
+            &|edge| Some(later(edge, if turns(&edge) { 33 } else { 0 })),
+            "select edge at cycle 16033, due at most 32 cycles after",
+        );
+        told(
+            &|edge| (!select(&edge)).then_some(edge),
+            "settled edge at cycle 28032, due at 12532",
+        );
+        told(
+            &|edge| (!turns(&edge)).then_some(edge),
+            "no select edge up to cycle",
+        );
+        told(
+            &|edge| (edge.pin != Pin::Settled).then_some(edge),
+            "select edge at cycle 16000, due at 0",
+        );
+        let inverted = |edge: Edge| Edge {
+            high: edge.high != (edge.pin == Pin::Settled),
+            ..edge
+        };
+        told(
+            &|edge| Some(inverted(edge)),
+            "settled edge at cycle 12032 to the level of select",
+        );
     }
 }
