@@ -161,7 +161,7 @@ struct Circuit {
 
 impl Circuit {
     fn new(scenario: &Scenario, trajectory: &Trajectory, channel: Channel) -> Done<Self> {
-        let Design { tilt, field } = Design::new(scenario)?;
+        let Design { tilt, field, .. } = Design::new(scenario)?;
         let first = trajectory.at(0.0);
         let sensors = &scenario.sensors;
         let accelerometer = Accelerometer::new(&sensors.accelerometer, Axis::X);
@@ -185,10 +185,31 @@ impl Circuit {
             };
         let clock_hz = scenario.clock_hz();
         let mut text = format!("* {channel:?} of {SCENARIO}\n");
-        source(&mut text, trajectory, &input, clock_hz);
+        source(&mut text, "in", trajectory, &input, clock_hz);
         pins(&mut text, scenario, strobe, clock_hz);
         let start = settled(scenario, &sensor, &design, input(&first))?;
-        chain(&mut text, scenario, &sensor, &design, &start);
+        let shared = channel == Channel::TiltX;
+        if shared {
+            let other = Accelerometer::new(&sensors.accelerometer, Axis::Y);
+            source(
+                &mut text,
+                "iny",
+                trajectory,
+                &|at| other.input(at),
+                clock_hz,
+            );
+            let start = settled(scenario, &other.linear(), &design, other.input(&first))?;
+            let gain = scenario.frontend.lna_gain * design.band_pass_gain;
+            bridge(
+                &mut text,
+                ["y1", "y2"],
+                "iny",
+                &other.linear(),
+                gain,
+                &start,
+            );
+        }
+        chain(&mut text, scenario, &sensor, &design, &start, shared);
         Ok(Self {
             text,
             first_hold_s: hold_cycle(channel as u64) as f64 / clock_hz,
@@ -251,14 +272,15 @@ impl Circuit {
     }
 }
 
-/// The sensor's input as straight lines between its values every span.
+/// A sensor's input as straight lines between its values every span.
 fn source(
     text: &mut String,
+    name: &str,
     trajectory: &Trajectory,
     input: &dyn Fn(&Experience) -> f64,
     clock_hz: f64,
 ) {
-    text.push_str("Vin in 0 PWL(\n");
+    let _ = writeln!(text, "V{name} {name} 0 PWL(");
     let spans = (SECONDS * CPU_HZ as f64) as u64 / SPAN_CYCLES + 1;
     for span in 0..=spans {
         let cycle = (span * SPAN_CYCLES) as f64;
@@ -269,37 +291,76 @@ fn source(
 }
 
 /// Carrier, and the pulses of the monostables: the strobe's rising edges close H-, its falling ones
-/// H+. A switch's control passes its threshold in the middle of an edge, which stands at the cycle.
+/// H+, those of the tilt channel only in its turns once settled. A switch's control passes its
+/// threshold in the middle of an edge, which stands at the cycle.
 fn pins(text: &mut String, scenario: &Scenario, strobe: u16, clock_hz: f64) {
     let seconds = |cycles: f64| cycles / clock_hz;
     let half = HALF_CARRIER_CYCLES as f64;
-    let mut pulse = |name: &str, low: i32, from: f64, width: f64| {
+    let mut pulse = |name: &str, low: i32, from: f64, width: f64, period: f64| {
         let _ = writeln!(
             text,
             "V{name} {name} 0 PULSE({low} 1 {:.12e} {EDGE_S:e} {EDGE_S:e} {:.12e} {:.12e})",
             seconds(from) - EDGE_S / 2.0,
             seconds(width) - EDGE_S,
-            seconds(2.0 * half),
+            seconds(period),
         );
     };
     let rise = f64::from(strobe) + 1.0;
     let aperture = scenario.frontend.aperture_cycles;
-    pulse("car", -1, f64::from(CARRIER_COUNT) + 1.0, half);
-    pulse("cm", 0, rise, aperture);
-    pulse("cp", 0, rise + half, aperture);
+    let (turn, settling) = (TURN_CYCLES as f64, SETTLING_CYCLES as f64);
+    let gated = strobe == STROBE_COUNT;
+    let [minus, plus] = if gated { ["rm", "rp"] } else { ["cm", "cp"] };
+    pulse("car", -1, f64::from(CARRIER_COUNT) + 1.0, half, 2.0 * half);
+    pulse(minus, 0, rise, aperture, 2.0 * half);
+    pulse(plus, 0, rise + half, aperture, 2.0 * half);
+    if gated {
+        pulse("sel", 0, turn, turn, 2.0 * turn);
+        pulse("en", 0, settling, turn - settling, 2.0 * turn);
+        text.push_str("Bcm cm 0 V=V(rm)*V(en)\nBcp cp 0 V=V(rp)*V(en)\n");
+    }
 }
 
-/// Sensor, band-pass, track-and-hold, low-pass; a node per state, which a current of its derivative
-/// charges in one farad per unit of `RATE`.
+/// Per second: keeps currents and capacitors of a size that ngspice's tolerances are made for.
+const RATE: f64 = 1e6;
+
+/// A node that a current of its derivative charges in one farad per unit of [`RATE`].
+fn state(text: &mut String, node: &str, derivative: &str) {
+    let _ = writeln!(text, "B{node} 0 {node} I=({derivative})/{RATE:e}");
+    let _ = writeln!(text, "C{node} {node} 0 {:e}", 1.0 / RATE);
+}
+
+/// The bridge of the tilt channel that shares the band-pass: its sensor's two states.
+fn bridge(
+    text: &mut String,
+    nodes: [&str; 2],
+    input: &str,
+    sensor: &LinearSensor,
+    gain: f64,
+    start: &[f64; STATES],
+) {
+    let (a, b, [one, two]) = (&sensor.a, &sensor.b, nodes);
+    for (row, node) in nodes.into_iter().enumerate() {
+        let derivative = format!(
+            "({:.17e})*V({one})+({:.17e})*V({two})+({:.17e})*V({input})",
+            a[row][0],
+            a[row][1],
+            gain * b[row]
+        );
+        state(text, node, &derivative);
+        let _ = writeln!(text, ".ic V({node})={:.17e}", start[row]);
+    }
+}
+
+/// Sensor, band-pass (behind the multiplexer if it is shared), track-and-hold, low-pass; a node per
+/// state.
 fn chain(
     text: &mut String,
     scenario: &Scenario,
     sensor: &LinearSensor,
     design: &ChainDesign,
     start: &[f64; STATES],
+    shared: bool,
 ) {
-    /// Per second: keeps currents and capacitors of a size that ngspice's tolerances are made for.
-    const RATE: f64 = 1e6;
     let p = &scenario.frontend;
     let turn = 2.0 * std::f64::consts::PI;
     let (w, gain) = (turn * p.band_pass_hz, p.lna_gain * design.band_pass_gain);
@@ -308,10 +369,7 @@ fn chain(
         Modulation::Bias => ("V(car)", "1"),
         Modulation::Drive => ("1", "V(car)"),
     };
-    let mut state = |node: &str, derivative: String| {
-        let _ = writeln!(text, "B{node} 0 {node} I=({derivative})/{RATE:e}");
-        let _ = writeln!(text, "C{node} {node} 0 {:e}", 1.0 / RATE);
-    };
+    let mut state = |node: &str, derivative: String| state(text, node, &derivative);
     let (a, b, c) = (&sensor.a, &sensor.b, &sensor.c);
     for (row, node) in ["s1", "s2"].into_iter().enumerate() {
         let free = format!("({:.17e})*V(s1)+({:.17e})*V(s2)", a[row][0], a[row][1]);
@@ -320,7 +378,17 @@ fn chain(
             format!("{free}+({:.17e})*{drive}*V(in)", gain * b[row]),
         );
     }
-    let bridge = format!("(({:.17e})*V(s1)+({:.17e})*V(s2))*{bias}", c[0], c[1]);
+    let signal =
+        |one: &str, two: &str| format!("(({:.17e})*V({one})+({:.17e})*V({two}))", c[0], c[1]);
+    let selected = match shared {
+        true => format!(
+            "({}*(1-V(sel))+{}*V(sel))",
+            signal("s1", "s2"),
+            signal("y1", "y2")
+        ),
+        false => signal("s1", "s2"),
+    };
+    let bridge = format!("{selected}*{bias}");
     let leak = format!("({:.17e})*V(car)", gain * sensor.feedthrough_v);
     state(
         "bp",

@@ -33,6 +33,8 @@ mod saturation;
 pub mod switching;
 mod turns;
 
+use std::collections::VecDeque;
+
 use cardan_scenario::scenario::Sensors;
 use cardan_scenario::{Experience, Scenario, Stimulus};
 use cardan_sensors::{Accelerometer, Axis, Magnetometer};
@@ -46,11 +48,8 @@ pub use error::Error;
 pub use saturation::{Saturation, Stage};
 pub use switching::Pin;
 
-use std::collections::VecDeque;
-
-use design::ChainDesign;
-
 use channel::{Channel, Inputs, Plan, SPAN_CYCLES, Unit};
+use design::ChainDesign;
 use sampler::Sampler;
 use switching::{Edge, EdgeQueue, PINS, Wiring};
 
@@ -196,7 +195,7 @@ impl<S: Stimulus> Frontend<S> {
         }
         self.reached = self.reached.max(cycle.0);
         let volts = channel.voltage(cycle.0, &self.edges, &mut self.inputs);
-        self.drop_used_edges();
+        self.drop_edges();
         Ok(Some(Volts(volts)))
     }
 
