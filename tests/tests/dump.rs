@@ -12,6 +12,11 @@ use tempfile::tempdir;
 
 /// Cycles between conversions, and between edges of the carrier, by design.
 const CONVERSION_CYCLES: u64 = 2000;
+/// A turn of the tilt multiplexer, and from its start to the first strobe.
+const TURN_CYCLES: u64 = 16_000;
+const SETTLING_CYCLES: u64 = 12_032;
+/// Most by which a turn follows the carrier.
+const MOST_TURN_LAG_CYCLES: u64 = 32;
 const HALF_CARRIER_CYCLES: u64 = 500;
 const CPU_HZ: f64 = 16e6;
 /// Volts of a step of the converter.

@@ -1,9 +1,9 @@
-//! The multiplexer and the converter's sampling capacitor, which is what channels share.
+//! The converter's multiplexer and sampling capacitor, which all channels share.
 //!
 //! The capacitor comes from the channel before with that channel's voltage and settles to the new
 //! one through driver and multiplexer until the hold instant. What remains of the neighbour is
-//! exp(-t/RC) of the difference. Filters and track-and-hold pairs stand before the multiplexer, one
-//! per channel, so nothing slower than this capacitor carries anything over.
+//! exp(-t/RC) of the difference. Track-and-hold pairs and low-passes stand before it, one per channel;
+//! what the tilt channels' shared band-pass carries over is `turns`' concern.
 
 use cardan_scenario::hardware::Adc;
 use cardan_spec::REFERENCE_V;
