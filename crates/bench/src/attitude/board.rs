@@ -1,7 +1,7 @@
 //! The breadboard of the attitude sensor, wired like its schematic: the chip's pins PB1 (carrier),
 //! PB2 (strobe), PB3 and PD3 (the tilt channels' multiplexer) drive the front end, whose four outputs
-//! are ADC0..ADC3; PB5 shows when the firmware computes; the serial line ends in the sink. Where a third tilt axis
-//! is fitted, its output is AIN0 (PD6), beside mid supply on AIN1 (PD7).
+//! are ADC0..ADC3; PB5 shows when the firmware computes; the serial line ends in the sink. Where a
+//! third tilt axis is fitted, its output is AIN0 (PD6), beside mid supply on AIN1 (PD7).
 //!
 //! The firmware reads the third axis after the last conversion of a solution. That conversion, and what
 //! follows it, waits here for the reading, so that it can be published with what belongs to it.
