@@ -200,7 +200,12 @@ mod tests {
         );
         told(
             &|edge| (!select(&edge)).then_some(edge),
-            "settled edge at cycle 28032, due at 12532",
+            "no select edge up to cycle 18009, due at 16532",
+        );
+        let late = |edge: Edge| edge.pin == Pin::Settled && edge.cycle == 28_032;
+        told(
+            &|edge| Some(later(edge, if late(edge) { 128 } else { 0 })),
+            "settled edge at cycle 28160, due at 28032",
         );
         told(
             &|edge| (!turns(&edge)).then_some(edge),
