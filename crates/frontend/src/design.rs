@@ -77,12 +77,14 @@ impl Design {
             sensor: accelerometer.linear(),
             wiring,
             full_scale: TILT_FULL_SCALE_G,
+            clock_hz: CPU_HZ as f64,
         };
         let field = Kind {
             scenario,
             sensor: magnetometer.linear(REFERENCE_K),
             wiring: Wiring::of(Channel::FieldX),
             full_scale: FIELD_FULL_SCALE_UT,
+            clock_hz: CPU_HZ as f64,
         };
         let corner_hz = scenario.frontend.tilt_low_pass_hz;
         let third_tilt = tilt(Wiring::third_tilt()).finish(corner_hz)?;
@@ -110,11 +112,13 @@ impl Design {
 }
 
 /// A kind of channel before its design is settled.
-struct Kind<'a> {
-    scenario: &'a Scenario,
-    sensor: LinearSensor,
-    wiring: Wiring,
-    full_scale: f64,
+pub(crate) struct Kind<'a> {
+    pub(crate) scenario: &'a Scenario,
+    pub(crate) sensor: LinearSensor,
+    pub(crate) wiring: Wiring,
+    pub(crate) full_scale: f64,
+    /// The controller's clock, which times the edges.
+    pub(crate) clock_hz: f64,
 }
 
 /// Response of a chain to an input of one.
@@ -135,23 +139,25 @@ impl Response {
 }
 
 impl Kind<'_> {
-    fn chain<'p>(
+    pub(crate) fn patterns(
         &self,
-        parameters: &'p Parameters,
+        parameters: &Parameters,
         band_pass_gain: f64,
         low_pass_hz: f64,
-    ) -> Chain<'p> {
-        Chain {
+        noisy: bool,
+    ) -> Patterns {
+        let chain = Chain {
             sensor: self.sensor,
             parameters,
             band_pass_gain,
             low_pass_hz,
-            noisy: false,
-        }
+            noisy,
+        };
+        Patterns::new(&chain, self.clock_hz)
     }
 
     /// The gain that makes full scale reach the rails, and what follows from it.
-    fn finish(&self, low_pass_hz: f64) -> Result<ChainDesign, Error> {
+    pub(crate) fn finish(&self, low_pass_hz: f64) -> Result<ChainDesign, Error> {
         let p = &self.scenario.frontend;
         let response = self.response(p, low_pass_hz)?;
         let residue_lsb = response.residue_lsb();
@@ -242,8 +248,7 @@ impl Kind<'_> {
     }
 
     fn response(&self, parameters: &Parameters, low_pass_hz: f64) -> Result<Response, Error> {
-        let chain = self.chain(parameters, 1.0, low_pass_hz);
-        let mut patterns = Patterns::new(&chain, CPU_HZ as f64);
+        let mut patterns = self.patterns(parameters, 1.0, low_pass_hz, false);
         let response = if self.wiring.shares_band_pass() {
             turns::response(
                 &mut patterns,

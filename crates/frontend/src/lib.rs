@@ -23,6 +23,7 @@
 pub mod adc;
 pub mod chain;
 mod channel;
+pub mod chopping;
 pub mod design;
 mod error;
 pub mod matrix;

@@ -17,7 +17,7 @@ use crate::propagate::Step;
 use crate::switching::{EdgeQueue, Switching, Wiring};
 
 /// States of both channels.
-const BOTH: usize = 2 * STATES;
+pub(crate) const BOTH: usize = 2 * STATES;
 
 /// The first conversion's hold instant after the timers' start.
 const FIRST_HOLD: u64 = STROBE_COUNT as u64 + 1 + ADC_HOLD_CYCLES;
@@ -26,7 +26,7 @@ const FIRST_HOLD: u64 = STROBE_COUNT as u64 + 1 + ADC_HOLD_CYCLES;
 type Pair = [Vector<STATES>; 2];
 
 /// A channel's steps through a turn, each to the next hold instant and the last to the turn's end.
-struct Turns {
+pub(crate) struct Turns {
     with_band_pass: Vec<Step<STATES>>,
     without: Vec<Step<STATES>>,
 }
@@ -76,7 +76,7 @@ fn mean(looks: &[Look], channel: usize) -> f64 {
 }
 
 impl Turns {
-    fn new(patterns: &mut Patterns, wiring: Wiring, aperture_cycles: u64) -> Self {
+    pub(crate) fn new(patterns: &mut Patterns, wiring: Wiring, aperture_cycles: u64) -> Self {
         let mut edges = EdgeQueue::default();
         nominal_edges()
             .take_while(|edge| edge.cycle <= 2 * TURN_CYCLES)
@@ -140,6 +140,28 @@ impl Turns {
         (looks, states)
     }
 
+    /// A period's steps of both channels, and whether the converter holds at the end of each.
+    pub(crate) fn motions(&self) -> Vec<(Motion, bool)> {
+        let turns = [
+            (&self.with_band_pass, &self.without),
+            (&self.without, &self.with_band_pass),
+        ];
+        let mut motions = Vec::new();
+        for (has_it, (first, second)) in turns.into_iter().enumerate() {
+            for (number, (a, b)) in first.iter().zip(second).enumerate() {
+                let is_hold = number + 1 < first.len();
+                let step = Motion::of([a, b]);
+                let motion = if is_hold {
+                    step
+                } else {
+                    step.handing_over(has_it)
+                };
+                motions.push((motion, is_hold));
+            }
+        }
+        motions
+    }
+
     /// Identity less the period's map.
     fn gap(&self) -> matrix::Matrix<BOTH> {
         let identity = matrix::identity::<BOTH>();
@@ -154,4 +176,51 @@ fn joined(pair: &Pair) -> Vector<BOTH> {
 
 fn parted(both: &Vector<BOTH>) -> Pair {
     std::array::from_fn(|channel| std::array::from_fn(|at| both[channel * STATES + at]))
+}
+
+/// A linear map of both channels' states, and the covariance of what noise adds meanwhile.
+#[derive(Clone)]
+pub(crate) struct Motion {
+    pub(crate) map: matrix::Matrix<BOTH>,
+    pub(crate) added: matrix::Matrix<BOTH>,
+}
+
+impl Motion {
+    fn of(steps: [&Step<STATES>; 2]) -> Self {
+        let blocks = |part: fn(&Step<STATES>) -> &matrix::Matrix<STATES>| {
+            std::array::from_fn(|column| {
+                let mut both = [0.0; BOTH];
+                let (channel, at) = (column / STATES, column % STATES);
+                let block = &part(steps[channel])[at];
+                both[channel * STATES..][..STATES].copy_from_slice(block);
+                both
+            })
+        };
+        Self {
+            map: blocks(|step| &step.phi),
+            added: blocks(|step| &step.q),
+        }
+    }
+
+    /// The same, then channel `from` hands the band-pass's states to the other.
+    fn handing_over(&self, from: usize) -> Self {
+        let mut rows = matrix::identity::<BOTH>();
+        for state in BAND_PASS..BAND_PASS + 2 {
+            rows[(1 - from) * STATES + state] = rows[from * STATES + state];
+        }
+        let map = matrix::transposed(&rows);
+        self.then(&Self {
+            map,
+            added: [[0.0; BOTH]; BOTH],
+        })
+    }
+
+    /// This, then `next`.
+    pub(crate) fn then(&self, next: &Self) -> Self {
+        let carried = matrix::carried(&next.map, &self.added);
+        Self {
+            map: matrix::product(&next.map, &self.map),
+            added: matrix::sum_scaled(&carried, &next.added, 1.0),
+        }
+    }
 }

@@ -1,9 +1,12 @@
 //! `accuracy`: the attitude's error under converter noise, on the emulated chip and by models.
 
+mod chopping;
+
 use std::fmt::Write as _;
 use std::process::ExitCode;
 
 use cardan_bench::accuracy::{Accuracy, Case, Spread, codes_per_unit, measure};
+use cardan_scenario::Scenario;
 use clap::Args;
 use serde::Serialize;
 
@@ -37,6 +40,22 @@ pub(crate) struct Arguments {
     /// The sensors' published noise (30 mg, 0.82 uT, or both) in each conversion, beside the converter's
     #[arg(long, value_name = "CHANNELS", num_args = 0..=1, require_equals = true, default_missing_value = "both")]
     published_levels: Option<Published>,
+    /// Instead: the tilt channels' noise if their bridges were chopped at these frequencies in hertz,
+    /// and without chopping, by the front end's model
+    #[arg(
+        long, value_name = "LIST", value_delimiter = ',', num_args = 0.., require_equals = true, value_parser = frequency,
+        default_missing_values = ["1000", "2000", "4000", "8000", "16000", "32000"],
+        conflicts_with_all = ["attitudes", "seed", "averaging", "tilt", "published_levels"]
+    )]
+    chopping: Option<Vec<f64>>,
+    /// Scenario whose sensors and front end are chopped (a bundled one or a file)
+    #[arg(
+        long,
+        value_name = "NAME|FILE",
+        default_value = "tumble",
+        requires = "chopping"
+    )]
+    scenario: String,
 }
 
 /// Channels with the published noise.
@@ -55,6 +74,13 @@ fn averaging(text: &str) -> Result<usize, String> {
     length
         .filter(|length: &usize| length.is_power_of_two() && *length <= 4096)
         .ok_or_else(|| "expected a power of two from 1 to 4096".to_owned())
+}
+
+fn frequency(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok();
+    value
+        .filter(|hz| (100.0..=100e3).contains(hz))
+        .ok_or_else(|| "expected hertz, 100 to 100000".to_owned())
 }
 
 fn tilt(text: &str) -> Result<f64, String> {
@@ -79,6 +105,16 @@ struct Document<'a> {
 
 /// Runs the command. Exit 1 if native and emulated frames differ.
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
+    if let Some(frequencies) = &arguments.chopping {
+        let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+        scenario.check().map_err(Failure::input)?;
+        let document = chopping::document(&scenario, frequencies)?;
+        if output.is_json() {
+            output.document(&document);
+        }
+        output.result(&document.table());
+        return Ok(ExitCode::SUCCESS);
+    }
     let noise_lsb = noise(arguments.published_levels);
     let mut rows = Vec::new();
     for &averaging in &arguments.averaging {
