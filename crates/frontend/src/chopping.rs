@@ -110,34 +110,52 @@ pub fn unchopped(scenario: &Scenario, observed_s: f64, windows_s: &[f64]) -> Vec
 
 const INTEGRAL_STEPS: usize = 20_000;
 
-/// Deviations in averages of `counts` conversions, at the low-pass's output; none without a
-/// stationary state.
+/// Deviations in averages of `counts` conversions, at the low-pass's output, over all places of a
+/// period at which they begin; none without a stationary state.
 fn noise(motions: &[(Motion, bool)], counts: &[usize]) -> Option<Vec<f64>> {
-    let mut sum = Sum::of(stationary(motions)?);
+    let rounds = rounds(motions);
+    let mut start = stationary(&rounds)?;
     let most = *counts.iter().max()?;
-    let mut squares = Vec::with_capacity(most);
-    let mut holds = 0;
-    for (motion, is_hold) in motions.iter().cycle() {
-        sum.carry(motion);
-        // The channels take turns with the converter; this one comes first.
-        if *is_hold && holds % CHANNELS == 0 {
+    let mut squares = vec![0.0; most];
+    for place in 0..rounds.len() {
+        let mut sum = Sum::of(start);
+        for (square, round) in squares.iter_mut().zip(rounds.iter().cycle().skip(place)) {
+            sum.carry(round);
             sum.add();
-            squares.push(sum.square);
+            *square += sum.square / rounds.len() as f64;
         }
-        holds += usize::from(*is_hold);
-        if squares.len() == most {
-            break;
-        }
+        start = rounds[place].covariance_after(&start);
     }
     let deviation = |&count: &usize| squares[count - 1].sqrt() / count as f64;
     Some(counts.iter().map(deviation).collect())
 }
 
-/// The covariance at the start of a period.
-fn stationary(motions: &[(Motion, bool)]) -> Option<Matrix<BOTH>> {
-    let mut each = motions.iter().map(|(motion, _)| motion.clone());
-    let first = each.next()?;
-    let mut periods = each.fold(first, |all, motion| all.then(&motion));
+/// A period's motions from one conversion of the first channel to its next; the channels take turns
+/// with the converter.
+fn rounds(motions: &[(Motion, bool)]) -> Vec<Motion> {
+    let first = motions
+        .iter()
+        .position(|(_, is_hold)| *is_hold)
+        .map_or(0, |at| at + 1);
+    let (before, after) = motions.split_at(first.min(motions.len()));
+    let mut rounds = Vec::new();
+    let (mut round, mut holds) = (None::<Motion>, 0);
+    for (motion, is_hold) in after.iter().chain(before) {
+        round = Some(round.map_or_else(|| motion.clone(), |so_far| so_far.then(motion)));
+        holds += usize::from(*is_hold);
+        if *is_hold && holds % CHANNELS == 0 {
+            rounds.extend(round.take());
+        }
+    }
+    rounds
+}
+
+/// The covariance before the first of a period's rounds.
+fn stationary(rounds: &[Motion]) -> Option<Matrix<BOTH>> {
+    let (first, rest) = rounds.split_first()?;
+    let mut periods = rest
+        .iter()
+        .fold(first.clone(), |all, round| all.then(round));
     // 2^24 periods of 2 ms are nine hours.
     for _ in 0..24 {
         periods = periods.then(&periods);
@@ -169,8 +187,7 @@ impl Sum {
     }
 
     fn carry(&mut self, motion: &Motion) {
-        let carried = matrix::carried(&motion.map, &self.state);
-        self.state = matrix::sum_scaled(&carried, &motion.added, 1.0);
+        self.state = motion.covariance_after(&self.state);
         self.cross = matrix::apply(&motion.map, &self.cross);
     }
 }

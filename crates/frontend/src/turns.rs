@@ -217,10 +217,14 @@ impl Motion {
 
     /// This, then `next`.
     pub(crate) fn then(&self, next: &Self) -> Self {
-        let carried = matrix::carried(&next.map, &self.added);
         Self {
             map: matrix::product(&next.map, &self.map),
-            added: matrix::sum_scaled(&carried, &next.added, 1.0),
+            added: next.covariance_after(&self.added),
         }
+    }
+
+    /// The covariance after it of a state that has `before`.
+    pub(crate) fn covariance_after(&self, before: &matrix::Matrix<BOTH>) -> matrix::Matrix<BOTH> {
+        matrix::sum_scaled(&matrix::carried(&self.map, before), &self.added, 1.0)
     }
 }

@@ -7,6 +7,9 @@
 //!
 //! Inaccuracies: the input of Timer2's asynchronous oscillator is not modelled.
 
+mod outputs;
+
+pub(crate) use self::outputs::OutputChange;
 use super::prescaler::Prescaler;
 use super::timer_mode::{CLOCKS_SYNC, CLOCKS_T2, Clock, MODES_8, MODES_16, Mode, Shape, Top};
 
@@ -65,15 +68,6 @@ const TIMER2: Kind = Kind {
     flags: TOV | OCFA | OCFB,
 };
 const KINDS: [&Kind; 3] = [&TIMER0, &TIMER1, &TIMER2];
-
-/// A change of what drives a timer's pins.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum OutputChange {
-    /// Which of the connected outputs have changed their level; the same ones are connected.
-    Levels([bool; 2]),
-    /// Others are connected.
-    Drivers,
-}
 
 /// State of one timer, valid for the clock edges up to and including cycle `last`.
 #[derive(Clone, Debug, PartialEq)]
@@ -166,25 +160,6 @@ impl Timer {
         self.kind.modes[self.mode_index()].is_none()
     }
 
-    /// Level of output `channel` if the waveform generator drives its pin.
-    #[inline]
-    pub(crate) fn output(&self, channel: usize) -> Option<bool> {
-        self.connected[channel].then_some(self.outputs[channel])
-    }
-
-    /// How what drives the pins has changed since the last call.
-    #[inline]
-    pub(crate) fn outputs_changed(&mut self) -> OutputChange {
-        let levels = std::array::from_fn(|channel| self.connected[channel] & self.outputs[channel]);
-        let (connected, before) = std::mem::replace(&mut self.shown, (self.connected, levels));
-        if connected != self.connected {
-            return OutputChange::Drivers;
-        }
-        OutputChange::Levels(std::array::from_fn(|channel| {
-            levels[channel] != before[channel]
-        }))
-    }
-
     /// Switches the module clock off or on at cycle `at` (up to which the caller has advanced).
     pub(crate) fn freeze(&mut self, frozen: bool) {
         self.frozen = frozen;
@@ -255,33 +230,6 @@ impl Timer {
             return None;
         }
         self.next_critical(self.awaits(OCFA), self.awaits(OCFB), prescaler)
-    }
-
-    /// The next cycle at which an output that drives its pin may change.
-    #[inline]
-    pub(crate) fn next_output(&self, prescaler: &Prescaler) -> Option<u64> {
-        if self.connected == [false; 2] {
-            return None;
-        }
-        self.next_critical(true, true, prescaler)
-    }
-
-    /// Goes on to the next change of what drives the pins, if there is one up to cycle `to`.
-    pub(crate) fn next_change(
-        &mut self,
-        to: u64,
-        prescaler: &Prescaler,
-    ) -> Option<(u64, OutputChange)> {
-        while let Some(at) = self.next_output(prescaler).filter(|&at| at <= to) {
-            self.glide(self.distance(true, true) - 1);
-            self.tick();
-            self.last = at;
-            let change = self.outputs_changed();
-            if change != OutputChange::Levels([false; 2]) {
-                return Some((at, change));
-            }
-        }
-        None
     }
 
     #[inline]
@@ -457,43 +405,6 @@ impl Timer {
         }
     }
 
-    /// The output action of a compare match.
-    #[inline]
-    fn drive_match(&mut self, channel: usize) {
-        // Counting down in phase-correct modes reverses clear and set.
-        let set = (self.output_mode(channel) == 3) != (self.mode.is_phase() && self.down);
-        match self.output_mode(channel) {
-            1 if self.connected[channel] => self.outputs[channel] = !self.outputs[channel],
-            2 | 3 => self.outputs[channel] = set,
-            _ => {}
-        }
-    }
-
-    /// Fast PWM at BOTTOM: set in non-inverting mode, clear in inverting mode.
-    fn drive_all(&mut self, level: bool) {
-        for channel in 0..2 {
-            match self.output_mode(channel) {
-                2 => self.outputs[channel] = level,
-                3 => self.outputs[channel] = !level,
-                _ => {}
-            }
-        }
-    }
-
-    /// COM bits of a channel.
-    #[inline]
-    fn output_mode(&self, channel: usize) -> u8 {
-        self.output_modes[channel]
-    }
-
-    fn is_connected(&self, channel: usize) -> bool {
-        match self.output_mode(channel) {
-            0 => false,
-            1 => !self.mode.is_pwm() || (channel == 0 && self.mode.toggle_a),
-            _ => true,
-        }
-    }
-
     fn mode_index(&self) -> usize {
         let low = self.control_a & 3;
         let high = if self.kind.max == 0xFF {
@@ -579,18 +490,6 @@ impl Timer {
         self.buffer[channel] = value;
         if !self.mode.is_pwm() {
             self.compare[channel] = value;
-        }
-    }
-
-    /// FOC strobes: an output action without flag or clear, outside PWM modes only.
-    fn force_outputs(&mut self, value: u8) {
-        if self.mode.is_pwm() {
-            return;
-        }
-        for channel in 0..2 {
-            if value & 0x80 >> channel != 0 {
-                self.drive_match(channel);
-            }
         }
     }
 }

@@ -97,7 +97,7 @@ impl Document {
             self.scenario
         );
         let cell = |value: Option<f64>, unit: &str| match value {
-            Some(value) => format!("{value:.2} {unit}"),
+            Some(value) => format!("{value:.3} {unit}"),
             None => "-".to_owned(),
         };
         let noise = |mg: &Vec<f64>| {
