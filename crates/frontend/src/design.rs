@@ -305,7 +305,7 @@ pub fn nominal_edges() -> impl Iterator<Item = Edge> + Clone {
 fn half_period_edges(half: u64) -> impl Iterator<Item = Edge> + Clone {
     use cardan_spec::timing::{CARRIER_COUNT, SETTLING_CYCLES, STROBE_COUNT, TURN_CYCLES};
     const { assert!(SETTLING_CYCLES % HALF_CARRIER_CYCLES <= STROBE_COUNT as u64) };
-    const { assert!(TURN_CYCLES % HALF_CARRIER_CYCLES == 0) };
+    const { assert!(TURN_CYCLES.is_multiple_of(HALF_CARRIER_CYCLES)) };
     let start = half * HALF_CARRIER_CYCLES;
     let every_turn = |first: u64, pin: Pin| {
         // The first one of this pin at or after the start of the half period.

@@ -133,9 +133,8 @@ impl Turns {
                     band_pass: [states[0][BAND_PASS], states[0][BAND_PASS + 1]],
                 });
             }
-            for state in BAND_PASS..BAND_PASS + 2 {
-                states[1 - has_it][state] = states[has_it][state];
-            }
+            let band_pass = [states[has_it][BAND_PASS], states[has_it][BAND_PASS + 1]];
+            states[1 - has_it][BAND_PASS..BAND_PASS + 2].copy_from_slice(&band_pass);
         }
         (looks, states)
     }

@@ -135,8 +135,7 @@ fn difference(
     };
     let mut board = Frontend::new(&scenario, 1, input).expect("a working design");
     let mut pending = edges.iter().peekable();
-    let (mut worst, mut signal) = (0.0_f64, f64::INFINITY);
-    let mut largest = [0.0_f64; 2];
+    let (mut worst, mut largest) = (0.0_f64, [0.0_f64; 2]);
     for (number, (read, exact)) in reads
         .iter()
         .zip(answer.as_array().expect("a list"))
@@ -156,9 +155,10 @@ fn difference(
             largest[index] = largest[index].max((found - 2.5).abs());
         }
     }
-    for index in 0..channels.len() {
-        signal = signal.min(largest[index]);
-    }
+    let signal = largest[..channels.len()]
+        .iter()
+        .copied()
+        .fold(f64::INFINITY, f64::min);
     (worst, signal)
 }
 

@@ -112,7 +112,8 @@ parameters! {
         lna_swing_v = 2.0, "V", 1e-3 => 100.0, Assumed("5 V supply");
         /// Centre of the band-pass.
         band_pass_hz = 16_000.0, "Hz", 100.0 => 1e6, Assumed("the carrier");
-        /// Quality factor of the band-pass.
+        /// Quality factor of the band-pass, which both tilt channels use in turns: one that keeps over
+        /// 0.1 LSB of the other channel in an average is refused.
         band_pass_quality = 4.0, "1", 0.3 => 100.0, Assumed("3 to 5");
         /// Largest amplitude of the band-pass's output.
         band_pass_swing_v = 2.0, "V", 1e-3 => 100.0, Assumed("5 V supply");
