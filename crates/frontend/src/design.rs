@@ -3,7 +3,7 @@
 //! All of it comes from the model itself in its periodic steady state under the nominal edges,
 //! x(k+1) = Phi x(k) + Gamma u(k) + Slope u' over one period T, for sensors without deviations. T is
 //! the carrier's for a magnetometer, the multiplexer's for the tilt channels, whose state is that of
-//! both ([`crate::turns`]).
+//! both (`turns.rs`).
 //!
 //! - scale: the output for a constant input of one is C s with s = (I - Phi)^-1 Gamma; the
 //!   band-pass's gain makes full scale reach the rails exactly;
