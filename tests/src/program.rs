@@ -3,11 +3,11 @@
 use std::fs;
 use std::io::Read as _;
 use std::path::{Path, PathBuf};
-use std::process::{Child, Command};
+use std::process::{Child, Command, Stdio};
 
 use tempfile::{TempDir, tempdir};
 
-use crate::root;
+use crate::{cardan, root};
 
 /// How to install what the tests need.
 const INSTALL: &str = "apt-get install gcc-avr binutils-avr avr-libc";
@@ -124,6 +124,21 @@ pub fn hex_text(words: &[u16]) -> String {
         text.push('\n');
     }
     text + ":00000001FF\n"
+}
+
+/// Starts the program with `arguments`, nothing to read, and both outputs to be read by the test.
+///
+/// # Panics
+/// It does not start.
+#[must_use]
+pub fn start(arguments: &[&str]) -> Child {
+    Command::new(cardan())
+        .args(arguments)
+        .stdin(Stdio::null())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("starts")
 }
 
 /// Waits for `sought` in what `child` says on standard error, and returns the rest of the line.

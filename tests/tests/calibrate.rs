@@ -3,12 +3,12 @@
 use std::fs;
 use std::io::{BufRead, BufReader, Write as _};
 use std::path::Path;
-use std::process::{Command, Output, Stdio};
+use std::process::{Command, Output};
 
 use cardan_firmware::frame::crc16;
 use cardan_spec::calibration::{LEN, OPTIONS_AT, THIRD_TILT};
-use cardan_tests::program::{announced, folder, text, write};
-use cardan_tests::{assert_refused, cardan, root, run, stderr};
+use cardan_tests::program::{announced, folder, start, text, write};
+use cardan_tests::{assert_refused, root, run, stderr};
 use serde_json::Value;
 
 /// A unit far off its design, within what its amplifiers bear.
@@ -372,13 +372,7 @@ fn a_device_takes_its_calibration_over_the_serial_line() {
         &[&["calibrate", "--json", "--quiet"], &out[..]].concat()
     ));
     let plain = root().join("firmware/boards/atmega328p/images/plain.elf");
-    let mut device = Command::new(cardan())
-        .args(["run", text(&plain), "--uart", "pty"])
-        .stdin(Stdio::null())
-        .stdout(Stdio::null())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let mut device = start(&["run", text(&plain), "--uart", "pty"]);
     let port = announced(&mut device, "serial line: ");
     let send = |file: &Path| {
         let send = ["--image", text(file), "--send", &port];
@@ -394,7 +388,18 @@ fn a_device_takes_its_calibration_over_the_serial_line() {
     assert_refused(&send(&damaged), &["damaged.bin", "bytes"]);
     device.kill().expect("our child");
     device.wait().expect("our child");
-    // A line on which nobody answers.
+    // An option that would do nothing.
+    let ignored = [
+        "--image",
+        text(&file),
+        "--send",
+        &port,
+        "--wordlengths",
+        "w.toml",
+    ];
+    let ignored = run(&[&["calibrate"], &ignored[..]].concat());
+    assert_refused(&ignored, &["--wordlengths"]);
+    // No serial line.
     let nobody = run(&["calibrate", "--image", text(&file), "--send", "/dev/null"]);
     assert_refused(&nobody, &["/dev/null", "serial port"]);
 }

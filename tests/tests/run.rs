@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use cardan_tests::program::{announced, compile, folder, hex_text, text, to_hex, write};
+use cardan_tests::program::{announced, compile, folder, hex_text, start, text, to_hex, write};
 use cardan_tests::{cardan, run, stderr};
 use serde_json::Value;
 
@@ -304,13 +304,7 @@ fn standard_input_is_the_far_end_of_the_line() {
 fn a_serial_program_opens_the_pseudo_terminal_and_talks_with_the_chip() {
     let folder = folder();
     let elf = compile("echo", folder.path());
-    let mut child = Command::new(cardan())
-        .args(["run", text(&elf), "--uart", "pty", "--program-exit"])
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let mut child = start(&["run", text(&elf), "--uart", "pty", "--program-exit"]);
     let name = announced(&mut child, "serial line: ");
     let mut terminal = fs::OpenOptions::new()
         .read(true)
@@ -339,13 +333,7 @@ fn a_serial_program_opens_the_pseudo_terminal_and_talks_with_the_chip() {
 fn stty_and_cat_use_the_pseudo_terminal_as_any_serial_line() {
     let folder = folder();
     let elf = compile("echo", folder.path());
-    let mut child = Command::new(cardan())
-        .args(["run", text(&elf), "--uart", "pty", "--program-exit"])
-        .stdin(Stdio::null())
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("starts");
+    let mut child = start(&["run", text(&elf), "--uart", "pty", "--program-exit"]);
     let name = announced(&mut child, "serial line: ");
     let setting = Command::new("stty")
         .args(["-F", &name, "115200", "raw", "-echo"])

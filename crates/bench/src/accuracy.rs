@@ -28,7 +28,7 @@ use crate::attitude::{Attitude as Application, calibration_of, calibration_words
 use crate::image::Firmware;
 
 /// The reference's site in 2008: horizontal and vertical field in microtesla.
-const FIELD_UT: [f64; 2] = [23.563, 39.732];
+pub const FIELD_UT: [f64; 2] = [23.563, 39.732];
 /// A code of the converter in volts.
 const LSB_V: f64 = REFERENCE_V / AdcCode::COUNT as f64;
 /// Conversions before the first period.

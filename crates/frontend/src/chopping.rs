@@ -2,7 +2,7 @@
 //!
 //! The board is scaled in time: carrier, strobes, the multiplexer's turns and the conversions of one
 //! at f are those of the reference board with a clock slower by f / 16 kHz; the band-pass is centred on
-//! f with the same quality, aperture and low-pass stay. Its covariance is carried exactly from one
+//! f with the same quality; the low-pass stays, and the aperture as far as whole cycles allow. Its covariance is carried exactly from one
 //! conversion to the next. (The magnetometers cannot follow: their carrier is the resonance.)
 
 use cardan_scenario::Scenario;
@@ -20,8 +20,6 @@ use crate::turns::{BOTH, Motion, Turns};
 /// A board that chops the tilt bridges at some frequency.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Chopped {
-    /// Frequency of the bridges' bias in hertz.
-    pub carrier_hz: f64,
     /// A channel's turn with the band-pass in seconds.
     pub turn_s: f64,
     /// Gain, group delay, residue.
@@ -68,7 +66,6 @@ pub fn chopped(scenario: &Scenario, carrier_hz: f64, windows_s: &[f64]) -> Resul
     // Full scale is half the supply at the low-pass's output times the last gain.
     let g_per_volt = TILT_FULL_SCALE_G * p.output_gain / (0.5 * cardan_spec::REFERENCE_V);
     Ok(Chopped {
-        carrier_hz,
         turn_s: TURN_CYCLES as f64 / clock_hz,
         design,
         noise_g: deviations.iter().map(|volts| volts * g_per_volt).collect(),

@@ -2,6 +2,7 @@
 
 use std::fmt::Write as _;
 
+use cardan_bench::accuracy::FIELD_UT;
 use cardan_frontend::chopping::{chopped, unchopped};
 use cardan_scenario::Scenario;
 use serde::Serialize;
@@ -15,7 +16,7 @@ const WINDOWS_S: [f64; 3] = [0.0, 0.008, 0.032];
 const OBSERVED_S: f64 = 100.0;
 
 /// Tangent of the inclination at the reference's site: a tilt turns the plane in which yaw is measured.
-const YAW_PER_TILT: f64 = 39.732 / 23.563;
+const YAW_PER_TILT: f64 = FIELD_UT[1] / FIELD_UT[0];
 
 #[derive(Serialize)]
 pub(super) struct Document {

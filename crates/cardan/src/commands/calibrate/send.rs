@@ -103,7 +103,12 @@ fn exchange(device: &mut (impl Read + Write), image: &[u8]) -> Result<(), String
         );
     }
     // It is silent from here on; what still comes is the rest of the empty frame.
-    while read_until(device, GLANCE, |_| true)? {}
+    let end = Instant::now() + ANSWER;
+    while read_until(device, GLANCE, |_| true)? {
+        if Instant::now() >= end {
+            return Err("what is on this port never falls silent: no attitude sensor".to_owned());
+        }
+    }
     write(device, image)?;
     let mut stored = Vec::with_capacity(image.len());
     let is_whole = read_until(device, ANSWER, |byte| {
