@@ -11,6 +11,7 @@
 //! host; every operation is total.
 
 mod domain;
+pub mod frame;
 pub mod half_space;
 pub mod likelihood;
 mod model;

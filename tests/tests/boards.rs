@@ -83,6 +83,7 @@ fn wild(sequence: u64) -> Conversion {
         code,
         ideal_volts: f64::NAN,
         direct_code: f64::NAN,
+        experienced_code: f64::NAN,
         late: false,
         lost: false,
         // None where none is fitted.

@@ -1,13 +1,14 @@
 //! An application: one algorithm with its golden model, board, sensors and nodes.
 
 use cardan_datapath::{Format, NodeInfo};
+use cardan_outputs::{Check, Message, Outputs};
 use cardan_scenario::Scenario;
 use cardan_spec::timing::Averaging;
 use cardan_tune::Problem;
 
 use crate::attitude::Attitude;
 use crate::calibration::{CalibrateError, Calibrated, Request};
-use crate::engine::{Conversion, Engine, Truth};
+use crate::engine::{Conversion, Engine, Summary, Truth};
 use crate::image::{EepromImage, Firmware};
 
 /// What a run is made of, as the emulated participant decides it and the others are told.
@@ -53,8 +54,25 @@ pub enum Feed {
     Codes,
     /// The voltages at the hold instants.
     IdealVolts,
-    /// The readings of memoryless ideal sensors.
+    /// The readings of memoryless ideal sensors of the true specific force and field.
+    Experienced,
+    /// The readings of memoryless ideal sensors at rest in the true attitude.
     Direct,
+}
+
+/// What a run has shown of the stages before the firmware.
+#[derive(Clone, Copy, Debug)]
+pub struct Evidence<'a> {
+    /// What was to be run.
+    pub scenario: &'a Scenario,
+    /// What it was made of.
+    pub configuration: &'a Configuration,
+    /// All conversions, the warm-up included.
+    pub conversions: &'a [Conversion],
+    /// Output instant of each solution in seconds after reset.
+    pub truth_times_s: &'a [f64],
+    /// What the emulated engine counted.
+    pub summary: &'a Summary,
 }
 
 /// How closely a node must agree, and why that is the measure.
@@ -85,8 +103,8 @@ pub trait App: Sync {
     fn formats_hash(&self) -> u64;
     /// Index of each golden node among [`App::nodes`].
     fn golden_nodes(&self) -> Vec<usize>;
-    /// Bundled tolerances.
-    fn tolerances(&self, configuration: &Configuration) -> Vec<Tolerance>;
+    /// By how much golden's nodes may differ beside rounding.
+    fn tolerances(&self) -> Vec<Tolerance>;
     /// Seconds from one solution to the next.
     fn solution_seconds(&self, configuration: &Configuration) -> f64;
     /// The bundled image, with taps or without.
@@ -150,6 +168,27 @@ pub trait App: Sync {
     /// # Errors
     /// Content that the device would not accept.
     fn settings_image(&self, content: &EepromImage) -> Result<Vec<u8>, String>;
+    /// The real interpretation with what rounding in `formats` is expected to make of it.
+    ///
+    /// # Errors
+    /// Formats that cannot be computed in.
+    fn expectation(
+        &self,
+        configuration: &Configuration,
+        formats: Option<&[Format]>,
+    ) -> Result<Box<dyn Engine>, String>;
+    /// Each stage before the firmware by what that stage alone must do.
+    ///
+    /// # Errors
+    /// A scenario that cannot run.
+    fn checks(&self, evidence: &Evidence<'_>) -> Result<Vec<Check>, String>;
+    /// What a message carries.
+    fn outputs(&self) -> Outputs;
+    /// A message as the golden side reads it.
+    ///
+    /// # Errors
+    /// Bytes that are no message, and why.
+    fn decode(&self, bytes: &[u8]) -> Result<Message, String>;
     /// Attitude in half turns (yaw, pitch, roll) and status bits of a frame, if it is whole.
     fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)>;
     /// Nodes that hold yaw, pitch and roll.

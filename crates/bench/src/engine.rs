@@ -4,6 +4,7 @@ use std::error::Error;
 
 use cardan_emulator::Pin;
 use cardan_frontend::Inner;
+use cardan_numerics::tape::Expected;
 use serde::{Deserialize, Serialize};
 
 /// One conversion of the emulated converter.
@@ -22,6 +23,10 @@ pub struct Conversion {
     /// The bipolar code, without steps, that memoryless ideal sensors would have given at that
     /// instant less the nominal group delay; NaN without a true attitude.
     pub direct_code: f64,
+    /// The bipolar code, without steps, that memoryless ideal sensors would have given of the true
+    /// specific force and field at that instant less the nominal group delay: with what acceleration
+    /// and disturbances add.
+    pub experienced_code: f64,
     /// It was not triggered in time.
     pub late: bool,
     /// The firmware never saw the result.
@@ -70,6 +75,18 @@ pub trait Sink {
     /// A node took the real value `value`.
     fn real(&mut self, node: usize, value: f64, cycle: u64) -> Result<(), SinkError> {
         let _ = (node, value, cycle);
+        Ok(())
+    }
+
+    /// The real interpretation of a node, and what rounding is expected to make of it.
+    fn expected(&mut self, node: usize, expected: Expected, cycle: u64) -> Result<(), SinkError> {
+        let _ = (node, expected, cycle);
+        Ok(())
+    }
+
+    /// A model's status of the solution that is complete: its bits, and those that rounding decides.
+    fn status(&mut self, set: u16, doubtful: u16, cycle: u64) -> Result<(), SinkError> {
+        let _ = (set, doubtful, cycle);
         Ok(())
     }
 

@@ -2,14 +2,16 @@
 
 use std::thread;
 
-use cardan_bench::app::Feed;
+use cardan_bench::app::{Evidence, Feed};
 use cardan_bench::{App, Conversion, Engine, EngineError, Sink, SinkError};
 use cardan_compare::{
-    Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, LinkStatistics, Node,
-    Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance,
+    Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, Limit, LinkStatistics,
+    Messages, Node, Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance,
 };
 use cardan_datapath::NodeInfo;
 use cardan_golden::Angles;
+use cardan_outputs::{Check, Message, Status};
+use cardan_scenario::scenario::Tolerance as ScenarioTolerance;
 use cardan_scenario::{Trajectory, report};
 use cardan_spec::nodes::SHARED;
 use cardan_units::HalfTurns;
@@ -20,6 +22,18 @@ use crate::run_options::Setup;
 
 /// Builds the comparison of a run.
 pub(crate) fn comparison(
+    setup: &Setup,
+    collected: &Collected,
+    session: &str,
+    command: String,
+) -> Result<Comparison, Failure> {
+    let mut comparison = without_shares(setup, collected, session, command)?;
+    comparison.attitudes.rounding_steps = rounding_steps(setup, collected)?;
+    Ok(comparison)
+}
+
+/// The same without each node's share of the rounding, which the verdict does not need.
+pub(crate) fn without_shares(
     setup: &Setup,
     collected: &Collected,
     session: &str,
@@ -39,10 +53,13 @@ pub(crate) fn comparison(
         solution_seconds: app.solution_seconds(&collected.configuration),
     };
     let tolerance = &setup.scenario.tolerance.truth;
-    let truth_tolerance =
-        (tolerance.rms_deg.is_some() || tolerance.max_deg.is_some()).then_some(TruthTolerance {
+    let limits = [tolerance.rms_deg, tolerance.p99_deg, tolerance.max_deg];
+    let truth_tolerance = limits
+        .iter()
+        .any(Option::is_some)
+        .then_some(TruthTolerance {
             rms_deg: tolerance.rms_deg,
-            p99_deg: None,
+            p99_deg: tolerance.p99_deg,
             max_deg: tolerance.max_deg,
         });
     let assumed = assumed(setup, &trajectory);
@@ -69,7 +86,15 @@ pub(crate) fn comparison(
         },
         attitudes: attitudes(setup, collected)?,
         flags,
-        golden_flags: Vec::new(),
+        outputs: app.outputs(),
+        messages: Messages {
+            native: messages(app, &collected.native_frames),
+            emulated: messages(app, &collected.emulated_frames),
+        },
+        status: status(collected),
+        checks: checks(setup, collected)?,
+        stage_limits: stage_limits(&setup.scenario.tolerance),
+        most_flagged: most_flagged(&setup.scenario.tolerance),
         truth_tolerance,
         emulator: EmulatorStatistics {
             cycles: summary.cycles,
@@ -100,6 +125,48 @@ pub(crate) fn comparison(
     })
 }
 
+/// What each stage before the firmware did by itself.
+fn checks(setup: &Setup, collected: &Collected) -> Result<Vec<Check>, Failure> {
+    let truth_times_s: Vec<f64> = collected.truths.iter().map(|truth| truth.time_s).collect();
+    let evidence = Evidence {
+        scenario: &setup.scenario,
+        configuration: &collected.configuration,
+        conversions: &collected.conversions,
+        truth_times_s: &truth_times_s,
+        summary: &collected.emulated_summary,
+    };
+    setup.app.checks(&evidence).map_err(Failure::input)
+}
+
+fn stage_limits(tolerance: &ScenarioTolerance) -> Vec<(String, Limit)> {
+    let stages = &tolerance.stages;
+    [
+        ("latency", stages.latency_deg),
+        ("motion", stages.motion_deg),
+        ("sensor_frontend", stages.sensor_frontend_deg),
+        ("adc", stages.adc_deg),
+    ]
+    .into_iter()
+    .filter_map(|(name, limit)| {
+        let reason = stages.reason.clone();
+        Some((
+            name.to_owned(),
+            Limit {
+                most: limit?,
+                reason,
+            },
+        ))
+    })
+    .collect()
+}
+
+fn most_flagged(tolerance: &ScenarioTolerance) -> Option<Limit> {
+    Some(Limit {
+        most: tolerance.status.most_flagged?,
+        reason: tolerance.status.reason.clone(),
+    })
+}
+
 /// Everything assumed; a calibration that the user gave is not the scenario's.
 fn assumed(setup: &Setup, trajectory: &Trajectory) -> Vec<Assumed> {
     let eeprom = setup.firmware.eeprom.as_ref();
@@ -126,10 +193,28 @@ fn flags(app: &dyn App, frames: &[Vec<u8>]) -> Vec<u16> {
     frames.iter().map(flags).collect()
 }
 
+fn messages(app: &dyn App, frames: &[Vec<u8>]) -> Vec<Result<Message, String>> {
+    frames.iter().map(|frame| app.decode(frame)).collect()
+}
+
+/// Golden's status of each solution; the real interpretation knows which bits rounding decides.
+fn status(collected: &Collected) -> Vec<Status> {
+    let doubts = collected.real_status.iter().map(|real| real.doubtful);
+    collected
+        .golden_status
+        .iter()
+        .zip(doubts.chain(std::iter::repeat(0)))
+        .map(|(golden, doubtful)| Status {
+            set: golden.set,
+            doubtful,
+        })
+        .collect()
+}
+
 fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
     let app = setup.app;
     let averaging = collected.configuration.averaging();
-    let bundled = app.tolerances(&collected.configuration);
+    let bundled = app.tolerances();
     let golden_of = |node: usize| {
         let shared = app.golden_nodes().iter().position(|&index| index == node)?;
         collected.golden.get(&shared).cloned()
@@ -163,6 +248,7 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
                 .taps
                 .map(|_| collected.emulated.get(&index).cloned().unwrap_or_default()),
             real: collected.real.get(&index).cloned(),
+            expected: collected.expected.get(&index).cloned(),
             golden: golden_of(index),
             overflows: collected
                 .native_summary
@@ -170,24 +256,23 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
                 .get(index)
                 .copied()
                 .unwrap_or(0),
-            tolerance: tolerance(setup, &bundled, info.name),
+            tolerance: set_tolerance(setup, info.name),
+            allowance: allowance(&bundled, info.name),
         })
     };
     app.nodes().iter().enumerate().filter_map(listed).collect()
 }
 
-/// The scenario's tolerance, else the bundled one.
-fn tolerance(
-    setup: &Setup,
-    bundled: &[cardan_bench::app::Tolerance],
-    node: &str,
-) -> Option<Tolerance> {
-    if let Some(&max_abs) = setup.scenario.tolerance.nodes.get(node) {
-        return Some(Tolerance {
-            max_abs,
-            reason: "set by the scenario".to_owned(),
-        });
-    }
+/// The tolerance that the scenario sets, in place of what rounding explains.
+fn set_tolerance(setup: &Setup, node: &str) -> Option<Tolerance> {
+    let max_abs = *setup.scenario.tolerance.nodes.get(node)?;
+    Some(Tolerance {
+        max_abs,
+        reason: "set by the scenario".to_owned(),
+    })
+}
+
+fn allowance(bundled: &[cardan_bench::app::Tolerance], node: &str) -> Option<Tolerance> {
     let bundled = bundled.iter().find(|tolerance| tolerance.node == node)?;
     Some(Tolerance {
         max_abs: bundled.max_abs,
@@ -237,9 +322,15 @@ fn attitudes(setup: &Setup, collected: &Collected) -> Result<Attitudes, Failure>
         &collected.conversions,
         shared,
     )?;
+    let experienced = run_attitude(
+        app.golden(configuration, Feed::Experienced),
+        &collected.conversions,
+        shared,
+    )?;
     Ok(Attitudes {
         truth: truth.collect(),
         direct,
+        experienced,
         ideal: series(&shared.map(|node| {
             collected
                 .golden_ideal
@@ -255,7 +346,7 @@ fn attitudes(setup: &Setup, collected: &Collected) -> Result<Attitudes, Failure>
         } else {
             from_frames(&collected.emulated_frames)
         },
-        rounding_steps: rounding_steps(setup, collected)?,
+        rounding_steps: Vec::new(),
     })
 }
 

@@ -62,6 +62,7 @@ pub(crate) struct RunOptions {
 pub(crate) type AppAndFormats = (&'static dyn App, Option<Vec<Format>>, u64);
 
 /// The resolved run.
+#[derive(Clone)]
 pub(crate) struct Setup {
     pub(crate) app: &'static dyn App,
     pub(crate) scenario: Scenario,

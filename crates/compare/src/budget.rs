@@ -13,7 +13,8 @@ use crate::metrics::{difference, larger};
 /// Root mean square in degrees of each part's rotation, over solutions without status flags.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct ErrorBudget {
-    /// Sensors and front end: golden on ideal voltages, less golden on ideal readings.
+    /// Sensors and front end: golden on ideal voltages, less golden on ideal readings of the true
+    /// specific force and field.
     pub sensor_frontend: Option<f64>,
     /// Latency and channel skew: golden on ideal readings at the sampling instants, less truth.
     pub latency: Option<f64>,
@@ -25,6 +26,9 @@ pub struct ErrorBudget {
     pub rounding: Option<f64>,
     /// Compiled code: emulated, less deployed. Must be zero.
     pub compiled: Option<f64>,
+    /// Motion and environment: golden on ideal readings of the true specific force and field, less
+    /// golden on ideal readings at rest in the true attitude. It is the method's own error.
+    pub motion: Option<f64>,
 }
 
 /// The budget per angle.
@@ -81,11 +85,12 @@ pub struct RoundingShare {
 }
 
 /// The parts in signal order with the series at their ends.
-fn steps(attitudes: &Attitudes) -> [(&'static str, &Series, &Series); 6] {
+fn steps(attitudes: &Attitudes) -> [(&'static str, &Series, &Series); 7] {
     let a = attitudes;
     [
         ("latency", &a.truth, &a.direct),
-        ("sensor_frontend", &a.direct, &a.ideal),
+        ("motion", &a.direct, &a.experienced),
+        ("sensor_frontend", &a.experienced, &a.ideal),
         ("adc", &a.ideal, &a.codes),
         ("algorithm", &a.codes, &a.real),
         ("rounding", &a.real, &a.deployed),
@@ -114,6 +119,7 @@ pub(crate) fn budget(
         algorithm: rms("algorithm"),
         rounding: rms("rounding"),
         compiled: rms("compiled"),
+        motion: rms("motion"),
     };
     let (closure_deg, closure_samples) = closure(attitudes, counts);
     let detail = BudgetDetail {

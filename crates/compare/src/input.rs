@@ -3,6 +3,7 @@
 use std::fmt;
 
 use cardan_golden::Angles;
+use cardan_outputs::{Check, Message, Outputs, Status};
 use serde::Serialize;
 
 /// Everything one run leaves behind.
@@ -16,8 +17,18 @@ pub struct Comparison {
     pub frames: Frames,
     /// Native's status word per solution ([`cardan_spec::flags`]).
     pub flags: Vec<u16>,
-    /// Golden's status word per solution; empty when it is not known.
-    pub golden_flags: Vec<u16>,
+    /// What the product sends.
+    pub outputs: Outputs,
+    /// Its messages, decoded by the golden side.
+    pub messages: Messages,
+    /// The reference's status per solution; empty when it is not known.
+    pub status: Vec<Status>,
+    /// Figures of stages that no other comparison sees, each with its limits.
+    pub checks: Vec<Check>,
+    /// Largest rms rotation that parts of the error budget may bring, in degrees, by their names.
+    pub stage_limits: Vec<(String, Limit)>,
+    /// Largest share of solutions with status bits.
+    pub most_flagged: Option<Limit>,
     /// The same attitude as each stage of the chain leaves it.
     pub attitudes: Attitudes,
     /// Limits on the error against truth, if the scenario sets any.
@@ -70,12 +81,44 @@ pub struct Node {
     pub emulated: Option<Vec<i64>>,
     /// The same algorithm in f64, never rounded.
     pub real: Option<Vec<f64>>,
+    /// What rounding makes of each value of `real`; `None` where that was not computed.
+    pub expected: Option<Vec<Expectation>>,
     /// The golden model on the same codes; `None` for nodes that it does not know.
     pub golden: Option<Vec<f64>>,
     /// Overflows that the native participant counted.
     pub overflows: u64,
-    /// Largest permitted difference: from golden, or from real where golden has no such node.
+    /// Largest permitted difference, from golden or from real where golden has no such node; in place
+    /// of what `expected` permits.
     pub tolerance: Option<Tolerance>,
+    /// By how much golden and the real interpretation may differ, beside rounding.
+    pub allowance: Option<Tolerance>,
+}
+
+/// The difference that rounding is expected to make: native less real.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Expectation {
+    /// Its mean, in the node's unit.
+    pub bias: f64,
+    /// Its standard deviation; infinite where nothing bounds it.
+    pub deviation: f64,
+}
+
+/// Messages on the line, in order, or why they could not be read.
+#[derive(Clone, Debug, Default)]
+pub struct Messages {
+    /// Of the native participant.
+    pub native: Vec<Result<Message, String>>,
+    /// Of the emulated one.
+    pub emulated: Vec<Result<Message, String>>,
+}
+
+/// An upper limit.
+#[derive(Clone, Debug, Default, PartialEq, Serialize)]
+pub struct Limit {
+    /// Largest permitted value.
+    pub most: f64,
+    /// Why.
+    pub reason: String,
 }
 
 impl Node {
@@ -184,6 +227,8 @@ pub struct Attitudes {
     /// Golden on the readings that ideal memoryless sensors would give at the true sampling
     /// instants, shifted by the nominal delay.
     pub direct: Series,
+    /// The same of the true specific force and field, with acceleration and disturbances.
+    pub experienced: Series,
     /// Golden on the ideal voltages at the converter's hold instants.
     pub ideal: Series,
     /// Golden on the codes.

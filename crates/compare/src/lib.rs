@@ -43,6 +43,8 @@ mod budget;
 pub mod format;
 pub mod html;
 mod input;
+mod limit;
+mod messages;
 mod metrics;
 mod nodes;
 mod report;
@@ -53,10 +55,12 @@ pub use attitude::{AttitudeErrors, Spread};
 pub use bits::{BitComparison, BitMismatch, FrameComparison, FrameMismatch};
 pub use budget::{AngleSpread, BudgetDetail, ErrorBudget, PartDetail, RoundingShare};
 pub use input::{
-    Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, LinkStatistics, Node,
-    Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance,
+    Assumed, Attitudes, Comparison, EmulatorStatistics, Expectation, Format, Frames, Limit,
+    LinkStatistics, Messages, Node, Reproduce, RoundingStep, Run, Series, Tolerance,
+    TruthTolerance,
 };
-pub use metrics::{Difference, Violation};
+pub use messages::{FlagCount, OutputReport, Statistics};
+pub use metrics::{Difference, Normalised, Violation};
 pub use nodes::NodeReport;
-pub use report::{FlagCount, Report, compare};
+pub use report::{Report, compare};
 pub use verdict::{Reason, Verdict};

@@ -3,6 +3,9 @@
 use cardan_units::HalfTurns;
 use serde::Serialize;
 
+use crate::input::Expectation;
+use crate::limit::beyond_allowance;
+
 /// The unit whose differences are wrapped.
 pub(crate) const WRAPPING_UNIT: &str = "half_turn";
 
@@ -22,6 +25,25 @@ pub struct Difference {
     /// The first difference beyond the tolerance, where this comparison is judged.
     pub first_violation: Option<Violation>,
     /// Values compared: those of solutions without status flags.
+    pub samples: u64,
+    /// Largest share of its limit that a value takes, where this comparison is judged.
+    pub used: Option<f64>,
+    /// The limit, scaled to the largest difference: `max_abs` over `used`.
+    pub limit: Option<f64>,
+    /// The differences over their expected deviations.
+    pub normalised: Option<Normalised>,
+    /// Values without a limit, since a divisor could be zero.
+    pub unbounded: u64,
+}
+
+/// Differences over their expected deviations, the expected bias taken off.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+pub struct Normalised {
+    /// Root mean square; 1 is expected.
+    pub rms: f64,
+    /// Mean; 0 is expected.
+    pub bias: f64,
+    /// Values with a deviation.
     pub samples: u64,
 }
 
@@ -63,6 +85,18 @@ pub(crate) struct Pair {
     pub(crate) sample: usize,
     pub(crate) reference: f64,
     pub(crate) native: f64,
+    pub(crate) expectation: Expectation,
+}
+
+/// How large differences may be.
+#[derive(Clone, Copy, Debug)]
+pub(crate) enum Limits {
+    /// Not judged.
+    None,
+    /// One limit for all.
+    Absolute(f64),
+    /// What rounding is expected to make of each value, `most` deviations of it, and `allowance`.
+    Expected { allowance: f64, most: f64 },
 }
 
 /// What decides how pairs are compared.
@@ -72,8 +106,7 @@ pub(crate) struct Rule {
     pub(crate) wrap: bool,
     pub(crate) lsb: f64,
     pub(crate) per_solution: usize,
-    /// `None`: not judged.
-    pub(crate) tolerance: Option<f64>,
+    pub(crate) limit: Limits,
 }
 
 /// native - reference; an angle's the short way round.
@@ -101,11 +134,12 @@ pub(crate) fn larger(left: f64, right: f64) -> f64 {
 }
 
 impl Difference {
-    /// Over all `pairs`. A value that is not a number is worse than any tolerance.
+    /// Over all `pairs`. A value that is not a number is worse than any limit.
     pub(crate) fn of(pairs: impl Iterator<Item = Pair>, rule: Rule) -> Self {
         let (mut samples, mut max_abs) = (0u64, 0f64);
         let (mut sum, mut square, mut power) = (0f64, 0f64, 0f64);
         let mut first_violation = None;
+        let mut judged = Judged::default();
         for pair in pairs {
             let difference = difference(pair.native, pair.reference, rule.wrap);
             samples += 1;
@@ -113,7 +147,8 @@ impl Difference {
             sum += difference;
             square += difference * difference;
             power += pair.reference * pair.reference;
-            if first_violation.is_none() && beyond(difference, rule.tolerance) {
+            let is_beyond = judged.add(difference, pair.expectation, rule);
+            if is_beyond && first_violation.is_none() {
                 first_violation = Some(violation(pair, rule));
             }
         }
@@ -129,13 +164,73 @@ impl Difference {
             max_lsb: (rule.lsb > 0.0).then(|| max_abs / rule.lsb),
             first_violation,
             samples,
+            used: judged.used,
+            limit: judged.used.map(|used| match rule.limit {
+                Limits::Expected { .. } if used > 0.0 => max_abs / used,
+                Limits::Absolute(limit) => limit,
+                _ => 0.0,
+            }),
+            normalised: judged.normalised(),
+            unbounded: judged.unbounded,
         }
     }
 }
 
-fn beyond(difference: f64, tolerance: Option<f64>) -> bool {
-    tolerance.is_some_and(|tolerance| exceeds(difference.abs(), tolerance))
+/// What is judged while values pass.
+#[derive(Default)]
+struct Judged {
+    /// Largest share of its limit that any value takes.
+    used: Option<f64>,
+    sum: f64,
+    square: f64,
+    /// Values with a deviation.
+    count: usize,
+    unbounded: u64,
 }
+
+impl Judged {
+    /// Adds a difference; true if it is beyond its limit.
+    fn add(&mut self, difference: f64, expectation: Expectation, rule: Rule) -> bool {
+        let (size, limit) = match rule.limit {
+            Limits::None => return false,
+            Limits::Absolute(limit) => (difference.abs(), limit),
+            Limits::Expected { allowance, most } => {
+                if expectation.deviation == f64::INFINITY {
+                    self.unbounded += 1;
+                    return false;
+                }
+                let error = difference - expectation.bias;
+                // Where nothing is rounded only f64's own rounding remains.
+                let least = LEAST_STEP * rule.lsb;
+                if expectation.deviation > least {
+                    let deviations = beyond_allowance(error, allowance) / expectation.deviation;
+                    self.sum += deviations;
+                    self.square += deviations * deviations;
+                    self.count += 1;
+                }
+                (
+                    error.abs(),
+                    allowance + most * expectation.deviation + least,
+                )
+            }
+        };
+        let used = if size == 0.0 { 0.0 } else { size / limit };
+        self.used = Some(self.used.map_or(used, |before| larger(before, used)));
+        exceeds(size, limit)
+    }
+
+    fn normalised(&self) -> Option<Normalised> {
+        let count = self.count as f64;
+        (self.count > 0).then(|| Normalised {
+            rms: (self.square / count).sqrt(),
+            bias: self.sum / count,
+            samples: self.count as u64,
+        })
+    }
+}
+
+/// What f64's own rounding may add, in steps of the deployed format.
+const LEAST_STEP: f64 = 1e-3;
 
 fn violation(pair: Pair, rule: Rule) -> Violation {
     let reference = |against| (rule.against == against).then_some(pair.reference);

@@ -4,7 +4,8 @@ use serde::Serialize;
 
 use crate::bits::BitComparison;
 use crate::input::{Format, Node};
-use crate::metrics::{Against, Difference, Pair, Rule, WRAPPING_UNIT};
+use crate::limit::{most_bias, most_deviations, most_rms};
+use crate::metrics::{Against, Difference, Limits, Pair, Rule, WRAPPING_UNIT, exceeds};
 use crate::verdict::Reason;
 
 /// A node in the report.
@@ -30,7 +31,7 @@ pub struct NodeReport {
     pub real_vs_native: Option<Difference>,
     /// Native against emulated, every value; `None` for an image without taps.
     pub native_vs_emulated: Option<BitComparison>,
-    /// Largest permitted difference.
+    /// Largest permitted difference; where it differs from value to value, scaled to the largest.
     pub tolerance: Option<f64>,
     /// Within the tolerance, equal bits, equal lengths.
     pub pass: bool,
@@ -50,25 +51,23 @@ impl NodeReport {
     }
 }
 
-/// Reports a node and adds what is wrong with it to `reasons`.
-pub(crate) fn report(node: &Node, flags: &[u16], reasons: &mut Vec<Reason>) -> NodeReport {
-    let before = reasons.len();
-    let judged = if node.golden.is_some() {
-        Against::Golden
-    } else {
-        Against::Real
-    };
+/// Reports a node and adds what is wrong with it to `reasons`; that it has no value to judge, which
+/// follows from something else, to `unjudged`.
+pub(crate) fn report(
+    node: &Node,
+    flags: &[u16],
+    reasons: &mut Vec<Reason>,
+    unjudged: &mut Vec<Reason>,
+) -> NodeReport {
+    let before = reasons.len() + unjudged.len();
+    let per_solution = node.per_solution.max(1);
     let compare = |values: &Option<Vec<f64>>, against: Against| {
         let rule = Rule {
             against,
             wrap: node.unit == WRAPPING_UNIT,
             lsb: node.lsb,
-            per_solution: node.per_solution.max(1),
-            tolerance: node
-                .tolerance
-                .as_ref()
-                .filter(|_| judged == against)
-                .map(|tolerance| tolerance.max_abs),
+            per_solution,
+            limit: limits(node, against, flags),
         };
         let pairs = |reference: &Vec<f64>| Difference::of(unflagged(node, reference, flags), rule);
         values.as_ref().map(pairs)
@@ -78,8 +77,8 @@ pub(crate) fn report(node: &Node, flags: &[u16], reasons: &mut Vec<Reason>) -> N
     let native_vs_emulated = node
         .emulated
         .as_ref()
-        .map(|emulated| BitComparison::of(&node.native, emulated, node.per_solution.max(1)));
-    let finished = flags.len() * node.per_solution.max(1);
+        .map(|emulated| BitComparison::of(&node.native, emulated, per_solution));
+    let finished = flags.len() * per_solution;
     let mut report = NodeReport {
         name: node.name.clone(),
         unit: node.unit.clone(),
@@ -91,34 +90,67 @@ pub(crate) fn report(node: &Node, flags: &[u16], reasons: &mut Vec<Reason>) -> N
         golden_vs_native,
         real_vs_native,
         native_vs_emulated,
-        tolerance: node.tolerance.as_ref().map(|tolerance| tolerance.max_abs),
+        tolerance: None,
         pass: true,
         tolerance_reason: node
             .tolerance
             .as_ref()
+            .or(node.allowance.as_ref())
             .map(|tolerance| tolerance.reason.clone()),
         unfinished: node.native.len().saturating_sub(finished) as u64,
     };
+    report.tolerance = report.judged().and_then(|judged| judged.limit);
     check_lengths(node, finished, reasons);
-    check_tolerance(&report, judged, reasons);
+    check_tolerance(node, &report, reasons, unjudged);
     check_bits(&report, reasons);
-    report.pass = reasons.len() == before;
+    report.pass = reasons.len() + unjudged.len() == before;
     report
 }
 
-/// The values of solutions without status flags.
+/// What judges a node: the tolerance that was set for it, or else what rounding explains, against
+/// golden (where it has the node) and against the real interpretation.
+fn limits(node: &Node, against: Against, flags: &[u16]) -> Limits {
+    let unflagged = flags.iter().filter(|&&word| word == 0).count();
+    let most = most_deviations(unflagged * node.per_solution.max(1));
+    match (&node.tolerance, against) {
+        (Some(tolerance), Against::Real) if node.golden.is_none() => {
+            Limits::Absolute(tolerance.max_abs)
+        }
+        (Some(tolerance), Against::Golden) => Limits::Absolute(tolerance.max_abs),
+        (Some(_), Against::Real) => Limits::None,
+        (None, _) if node.expected.is_none() => Limits::None,
+        (None, Against::Real) => Limits::Expected {
+            allowance: 0.0,
+            most,
+        },
+        (None, Against::Golden) => match &node.allowance {
+            Some(allowance) => Limits::Expected {
+                allowance: allowance.max_abs,
+                most,
+            },
+            None => Limits::None,
+        },
+    }
+}
+
+/// The values of solutions in which neither native nor golden set a status bit.
 fn unflagged<'a>(
     node: &'a Node,
     reference: &'a [f64],
     flags: &'a [u16],
 ) -> impl Iterator<Item = Pair> + 'a {
+    let expected = |sample: usize| {
+        let all = node.expected.as_ref()?;
+        all.get(sample).copied()
+    };
     let pairs = reference.iter().zip(&node.native).enumerate();
     pairs
         .filter(|(sample, _)| flags.get(node.solution_of(*sample)) == Some(&0))
-        .map(|(sample, (&reference, &raw))| Pair {
+        .map(move |(sample, (&reference, &raw))| Pair {
             sample,
             reference,
             native: raw as f64 * node.lsb,
+            expectation: expected(sample).unwrap_or_default(),
         })
 }
 
@@ -149,31 +181,68 @@ fn check_lengths(node: &Node, finished: usize, reasons: &mut Vec<Reason>) {
     }
 }
 
-fn check_tolerance(report: &NodeReport, against: Against, reasons: &mut Vec<Reason>) {
-    let Some(tolerance) = report.tolerance else {
-        return;
-    };
-    let Some((difference, max_abs)) = report
-        .judged()
-        .and_then(|difference| Some((difference, difference.max_abs?)))
-    else {
-        reasons.push(Reason::NothingJudged {
+fn check_tolerance(
+    node: &Node,
+    report: &NodeReport,
+    reasons: &mut Vec<Reason>,
+    unjudged: &mut Vec<Reason>,
+) {
+    let comparisons = [
+        ("golden", &report.golden_vs_native),
+        ("real", &report.real_vs_native),
+    ];
+    for (against, comparison) in comparisons {
+        let Some(difference) = comparison else {
+            continue;
+        };
+        check_difference(report, against, difference, reasons);
+    }
+    let is_judged = comparisons.iter().any(|(_, comparison)| {
+        comparison
+            .as_ref()
+            .is_some_and(|found| found.used.is_some())
+    });
+    if !is_judged && (node.tolerance.is_some() || node.expected.is_some()) {
+        unjudged.push(Reason::NothingJudged {
             node: report.name.clone(),
         });
-        return;
-    };
-    if let Some(first) = &difference.first_violation {
+    }
+}
+
+fn check_difference(
+    report: &NodeReport,
+    against: &'static str,
+    difference: &Difference,
+    reasons: &mut Vec<Reason>,
+) {
+    if let (Some(first), Some(max_abs)) = (&difference.first_violation, difference.max_abs) {
         reasons.push(Reason::ToleranceMissed {
             node: report.name.clone(),
             unit: report.unit.clone(),
-            against: match against {
-                Against::Golden => "golden",
-                Against::Real => "real",
-            },
+            against,
             max_abs,
-            tolerance,
+            tolerance: difference.limit.unwrap_or_default(),
             first: first.clone(),
         });
+        return;
+    }
+    let Some(normalised) = difference.normalised else {
+        return;
+    };
+    let count = normalised.samples as usize;
+    for (statistic, value, limit) in [
+        ("root mean square", normalised.rms, most_rms(count)),
+        ("mean", normalised.bias.abs(), most_bias(count)),
+    ] {
+        if exceeds(value, limit) {
+            reasons.push(Reason::NotRounding {
+                node: report.name.clone(),
+                against,
+                statistic,
+                value,
+                limit,
+            });
+        }
     }
 }
 

@@ -1,6 +1,6 @@
 //! The report: the document of `compare --json`, from which the other forms are made.
 
-use cardan_spec::flags::NAMES;
+use cardan_outputs::{Check, StatusBit};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
@@ -8,8 +8,9 @@ use crate::attitude::{AttitudeErrors, errors};
 use crate::bits::FrameComparison;
 use crate::budget::{BudgetDetail, ErrorBudget, budget};
 use crate::input::{Assumed, Comparison, EmulatorStatistics, LinkStatistics, Reproduce, Series};
+use crate::messages::{self, FlagCount, OutputReport};
 use crate::nodes::{self, NodeReport};
-use crate::verdict::{Reason, Verdict, check_run};
+use crate::verdict::{Reason, Verdict, check_chain, check_frames, check_run};
 
 /// Everything that a comparison found. Serialised, it is the document of `compare --json`; figures
 /// that are undefined are null.
@@ -50,6 +51,10 @@ pub struct Report {
     pub unflagged_solutions: u64,
     /// Solutions per status flag.
     pub flags: Vec<FlagCount>,
+    /// What the device sends, against golden.
+    pub outputs: Vec<OutputReport>,
+    /// The stages' own checks.
+    pub checks: Vec<Check>,
     /// Frames, native against emulated.
     pub frames: FrameComparison,
     /// The device's attitude against golden on the same codes, without status flags.
@@ -64,41 +69,34 @@ pub struct Report {
     pub reproduce: Reproduce,
 }
 
-/// How often a status flag was set.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
-pub struct FlagCount {
-    /// Its name.
-    pub name: String,
-    /// Solutions in which native set it.
-    pub native: u64,
-    /// Solutions in which golden set it; `None` when golden's flags are not known.
-    pub golden: Option<u64>,
-    /// Solutions in which the two differ.
-    pub differ: Option<u64>,
-}
-
 /// Compares the participants and judges.
 #[must_use]
 pub fn compare(comparison: &Comparison) -> Report {
     let flags = &comparison.flags;
     let attitudes = &comparison.attitudes;
     let unflagged = |solution: usize| flags.get(solution) == Some(&0);
-    let mut reasons = Vec::new();
+    let (mut reasons, mut unjudged) = (Vec::new(), Vec::new());
 
+    check_chain(comparison, &mut reasons);
+    let frames = FrameComparison::of(&comparison.frames.native, &comparison.frames.emulated);
+    messages::check_readable(comparison, &frames, &mut reasons);
+    let either = messages::either_status(comparison);
     let nodes: Vec<NodeReport> = comparison
         .nodes
         .iter()
-        .map(|node| nodes::report(node, flags, &mut reasons))
+        .map(|node| nodes::report(node, &either, &mut reasons, &mut unjudged))
         .collect();
-    let frames = FrameComparison::of(&comparison.frames.native, &comparison.frames.emulated);
+    check_frames(&frames, &mut reasons);
+    let outputs = messages::judge(comparison, &mut reasons);
+    let flag_counts = messages::count_flags(comparison, &mut reasons);
+    reasons.append(&mut unjudged);
     let device = attitudes.device();
     let attitude = against(device, &attitudes.truth, unflagged);
     let (error_budget, error_budget_detail) = budget(attitudes, &unflagged);
     check_run(
         comparison,
-        &frames,
         attitude.as_ref(),
-        error_budget_detail.closure_deg,
+        (&error_budget, &error_budget_detail),
         &mut reasons,
     );
 
@@ -125,7 +123,9 @@ pub fn compare(comparison: &Comparison) -> Report {
         reasons,
         solutions: flags.len() as u64,
         unflagged_solutions: flags.iter().filter(|&&word| word == 0).count() as u64,
-        flags: count_flags(comparison),
+        flags: flag_counts,
+        outputs,
+        checks: comparison.checks.clone(),
         frames,
         attitude_vs_golden: against(device, &attitudes.codes, unflagged),
         error_budget_detail,
@@ -143,39 +143,22 @@ fn against(
     (known(device) && known(reference)).then(|| errors(device, reference, counts))
 }
 
-/// Errors against truth per flag that occurred, over the solutions that carry it.
+/// Errors against truth per status bit that occurred, over the solutions that carry it.
 fn flagged(device: &Series, comparison: &Comparison) -> Vec<(String, AttitudeErrors)> {
     let truth = &comparison.attitudes.truth;
-    NAMES
+    let is_set = |bit: &StatusBit, solution: usize| {
+        let word = comparison.flags.get(solution);
+        word.is_some_and(|&word| u32::from(word) & bit.mask != 0)
+    };
+    let occurred = |bit: &&StatusBit| (0..comparison.flags.len()).any(|at| is_set(bit, at));
+    comparison
+        .outputs
+        .status
         .iter()
-        .filter(|(bit, _)| comparison.flags.iter().any(|word| word & bit != 0))
-        .filter_map(|&(bit, name)| {
-            let set = |solution: usize| {
-                comparison
-                    .flags
-                    .get(solution)
-                    .is_some_and(|word| word & bit != 0)
-            };
-            Some((name.to_owned(), against(device, truth, set)?))
-        })
-        .collect()
-}
-
-fn count_flags(comparison: &Comparison) -> Vec<FlagCount> {
-    let (native, golden) = (&comparison.flags, &comparison.golden_flags);
-    let count = |words: &[u16], bit: u16| words.iter().filter(|&&word| word & bit != 0).count();
-    NAMES
-        .iter()
-        .map(|&(bit, name)| FlagCount {
-            name: name.to_owned(),
-            native: count(native, bit) as u64,
-            golden: (!golden.is_empty()).then(|| count(golden, bit) as u64),
-            differ: (!golden.is_empty()).then(|| {
-                let pairs = native.iter().zip(golden);
-                pairs
-                    .filter(|(left, right)| (*left ^ *right) & bit != 0)
-                    .count() as u64
-            }),
+        .filter(occurred)
+        .filter_map(|bit| {
+            let errors = against(device, truth, |solution| is_set(bit, solution))?;
+            Some((bit.name.clone(), errors))
         })
         .collect()
 }

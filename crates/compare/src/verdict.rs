@@ -6,9 +6,11 @@ use serde::{Serialize, Serializer};
 
 use crate::attitude::AttitudeErrors;
 use crate::bits::{BitMismatch, FrameComparison, FrameMismatch};
-use crate::format::number;
+use crate::budget::{BudgetDetail, ErrorBudget};
+use crate::format::{number, percent};
 use crate::input::{Comparison, TruthTolerance};
 use crate::metrics::{Violation, exceeds};
+use cardan_outputs::Check;
 
 /// The parts of the budget must add up to the whole error within this, in degrees.
 pub(crate) const CLOSURE_LIMIT_DEG: f64 = 1e-9;
@@ -41,6 +43,19 @@ pub enum Reason {
         /// The first one beyond it.
         first: Violation,
     },
+    /// The differences of a node are more, or lie more to one side, than rounding explains.
+    NotRounding {
+        /// The node.
+        node: String,
+        /// `golden` or `real`.
+        against: &'static str,
+        /// `root mean square` or `mean`.
+        statistic: &'static str,
+        /// It, in expected deviations.
+        value: f64,
+        /// Its limit.
+        limit: f64,
+    },
     /// A node has a tolerance but no value to judge: every solution is flagged, or no model knows it.
     NothingJudged {
         /// The node.
@@ -68,6 +83,46 @@ pub enum Reason {
     },
     /// No frame was there to compare.
     NoFrames,
+    /// What a message says is not what golden computed, or it cannot be read.
+    MessageWrong {
+        /// Whose message.
+        side: &'static str,
+        /// What is wrong, with its place.
+        what: String,
+    },
+    /// A status bit differs from golden's where rounding does not decide.
+    StatusDiffers {
+        /// Whose bit.
+        side: &'static str,
+        /// Its name.
+        bit: String,
+        /// Solutions in which it differs.
+        count: u64,
+        /// The first of them.
+        solution: usize,
+        /// Whether it is set there.
+        is_set: bool,
+    },
+    /// Rounding decides a status bit too often for it to be judged.
+    StatusDoubtful {
+        /// Its name.
+        bit: String,
+        /// Share of solutions, 0 to 1.
+        share: f64,
+        /// Largest permitted share.
+        limit: f64,
+    },
+    /// Too many solutions carry status bits.
+    TooManyFlagged {
+        /// Share of solutions, 0 to 1.
+        share: f64,
+        /// Largest permitted share.
+        limit: f64,
+    },
+    /// A stage's own check is beyond its limits.
+    CheckMissed(Check),
+    /// Compiled code and native model give different results.
+    CompiledDiffers(f64),
     /// Streams that belong together have different lengths.
     LengthsDiffer {
         /// What they are streams of.
@@ -128,6 +183,19 @@ impl fmt::Display for Reason {
                 first.reference(),
                 first.native,
             ),
+            Self::NotRounding {
+                node,
+                against,
+                statistic,
+                value,
+                limit,
+            } => write!(
+                f,
+                "node {node}: the {statistic} of its differences from {against} is {} of the \
+                 deviations that rounding explains, limit {}",
+                number(*value),
+                number(*limit),
+            ),
             Self::NothingJudged { node } => write!(
                 f,
                 "node {node}: has a tolerance, but no solution without status flags has a value to \
@@ -162,6 +230,54 @@ impl fmt::Display for Reason {
                 or_missing(first.emulated.as_ref()),
             ),
             Self::NoFrames => write!(f, "frames: none were compared"),
+            Self::MessageWrong { side, what } => write!(f, "frames: {side}: {what}"),
+            Self::StatusDiffers {
+                side,
+                bit,
+                count,
+                solution,
+                is_set,
+            } => {
+                let (set, golden) = if *is_set {
+                    ("set", "not")
+                } else {
+                    ("not set", "set")
+                };
+                write!(
+                    f,
+                    "status: {bit} of {side} differs from golden's in {}; first in solution \
+                     {solution}, where it is {set} and golden's is {golden}",
+                    counted(*count, "solution"),
+                )
+            }
+            Self::StatusDoubtful { bit, share, limit } => write!(
+                f,
+                "status: rounding decides {bit} in {} of the solutions, limit {}: it cannot be judged",
+                percent(*share),
+                percent(*limit),
+            ),
+            Self::TooManyFlagged { share, limit } => write!(
+                f,
+                "status: {} of the solutions carry status bits, limit {}",
+                percent(*share),
+                percent(*limit),
+            ),
+            Self::CheckMissed(check) => write!(
+                f,
+                "{}: {} is {} {}, expected {} to {} ({})",
+                check.party,
+                check.what,
+                number(check.value),
+                check.unit,
+                number(check.least),
+                number(check.most),
+                check.reason,
+            ),
+            Self::CompiledDiffers(by) => write!(
+                f,
+                "error budget: compiled code differs from native by {} degrees rms, expected 0",
+                number(*by)
+            ),
             Self::LengthsDiffer {
                 what,
                 names: [left, right],
@@ -225,65 +341,83 @@ fn or_missing<T: fmt::Display>(value: Option<T>) -> String {
     value.map_or_else(|| "missing".to_owned(), |value| value.to_string())
 }
 
-/// Reasons that do not belong to one node.
-pub(crate) fn check_run(
-    comparison: &Comparison,
-    frames: &FrameComparison,
-    attitude: Option<&AttitudeErrors>,
-    closure_deg: Option<f64>,
-    reasons: &mut Vec<Reason>,
-) {
-    check_frames(frames, reasons);
-    check_series(comparison, reasons);
+/// What went wrong on the way of the data: link, timing, and the stages' own checks. These come first,
+/// since whatever else differs may follow from them.
+pub(crate) fn check_chain(comparison: &Comparison, reasons: &mut Vec<Reason>) {
+    let emulator = &comparison.emulator;
     let counts = [
         (comparison.link.lost, Reason::MessagesLost as fn(u64) -> _),
-        (
-            comparison.emulator.late_conversions,
-            Reason::LateConversions,
-        ),
-        (
-            comparison.emulator.lost_conversions,
-            Reason::LostConversions,
-        ),
-        (
-            comparison.emulator.missed_deadlines,
-            Reason::MissedDeadlines,
-        ),
+        (emulator.late_conversions, Reason::LateConversions),
+        (emulator.lost_conversions, Reason::LostConversions),
+        (emulator.missed_deadlines, Reason::MissedDeadlines),
     ];
     for (count, reason) in counts {
         if count > 0 {
             reasons.push(reason(count));
         }
     }
-    if comparison.emulator.mistimed > 0 {
+    if emulator.mistimed > 0 {
         reasons.push(Reason::Mistimed {
-            count: comparison.emulator.mistimed,
-            first: comparison
-                .emulator
-                .first_mistimed
-                .clone()
-                .unwrap_or_default(),
+            count: emulator.mistimed,
+            first: emulator.first_mistimed.clone().unwrap_or_default(),
         });
+    }
+    let checks = comparison.checks.iter().filter(|check| !check.is_met());
+    reasons.extend(checks.cloned().map(Reason::CheckMissed));
+}
+
+/// What is wrong with the run as a whole.
+pub(crate) fn check_run(
+    comparison: &Comparison,
+    attitude: Option<&AttitudeErrors>,
+    budget: (&ErrorBudget, &BudgetDetail),
+    reasons: &mut Vec<Reason>,
+) {
+    let (budget, detail) = budget;
+    check_series(comparison, reasons);
+    check_stages(comparison, detail, reasons);
+    if let Some(compiled) = budget.compiled
+        && exceeds(compiled, 0.0)
+    {
+        reasons.push(Reason::CompiledDiffers(compiled));
     }
     if let Some(tolerance) = comparison.truth_tolerance {
         check_truth(tolerance, attitude, reasons);
     }
-    if let Some(open) = closure_deg
+    if let Some(open) = detail.closure_deg
         && exceeds(open, CLOSURE_LIMIT_DEG)
     {
         reasons.push(Reason::BudgetOpen(open));
     }
 }
 
-fn check_frames(frames: &FrameComparison, reasons: &mut Vec<Reason>) {
+/// The rms rotation of each part that has a limit.
+fn check_stages(comparison: &Comparison, detail: &BudgetDetail, reasons: &mut Vec<Reason>) {
+    for (name, limit) in &comparison.stage_limits {
+        let part = detail.parts.iter().find(|part| part.part == *name);
+        let rms_deg = part.and_then(|part| part.rotation.rms_deg);
+        let check = Check {
+            party: format!("error budget, {name}"),
+            what: "root mean square of the rotation".to_owned(),
+            value: rms_deg.unwrap_or(f64::NAN),
+            least: 0.0,
+            most: limit.most,
+            unit: "degrees".to_owned(),
+            reason: limit.reason.clone(),
+        };
+        if !check.is_met() {
+            reasons.push(Reason::CheckMissed(check));
+        }
+    }
+}
+
+pub(crate) fn check_frames(frames: &FrameComparison, reasons: &mut Vec<Reason>) {
     if let Some(first) = &frames.first_mismatch {
         reasons.push(Reason::FramesDiffer {
             mismatches: frames.mismatches,
             compared: frames.compared,
             first: first.clone(),
         });
-    } else if frames.compared == 0 {
-        reasons.push(Reason::NoFrames);
     }
 }
 
@@ -303,6 +437,7 @@ fn check_series(comparison: &Comparison, reasons: &mut Vec<Reason>) {
     for (name, series) in [
         ("truth", &attitudes.truth),
         ("golden on ideal readings", &attitudes.direct),
+        ("golden on the true experience", &attitudes.experienced),
         ("golden on ideal voltages", &attitudes.ideal),
         ("golden on codes", &attitudes.codes),
         ("real", &attitudes.real),
@@ -315,11 +450,7 @@ fn check_series(comparison: &Comparison, reasons: &mut Vec<Reason>) {
         let what = format!("attitudes with the rounding of {}", step.node);
         check(what, "step", step.attitudes.0.len());
     }
-    check(
-        "status flags".to_owned(),
-        "golden",
-        comparison.golden_flags.len(),
-    );
+    check("status flags".to_owned(), "golden", comparison.status.len());
 }
 
 fn check_truth(

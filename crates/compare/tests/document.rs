@@ -42,7 +42,9 @@ fn comparison() -> Comparison {
                 .collect(),
         ),
         native,
+        expected: None,
         overflows: 0,
+        allowance: None,
         tolerance: Some(Tolerance {
             max_abs: 0.000_05,
             reason: "one rounding".into(),
@@ -75,6 +77,7 @@ fn comparison() -> Comparison {
         attitudes: Attitudes {
             truth: series(10.0),
             direct: series(10.1),
+            experienced: series(10.2),
             ideal: series(10.3),
             codes: series(10.4),
             real: series(10.41),

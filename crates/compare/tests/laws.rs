@@ -35,12 +35,14 @@ fn attitudes() -> impl Strategy<Value = Attitudes> {
             full(SOLUTIONS),
             full(SOLUTIONS),
             full(SOLUTIONS),
+            full(SOLUTIONS),
         ],
     )
         .prop_map(
-            |(truth, direct, [ideal, codes, real, deployed, step])| Attitudes {
+            |(truth, direct, [experienced, ideal, codes, real, deployed, step])| Attitudes {
                 truth,
                 direct,
+                experienced,
                 ideal,
                 codes,
                 real,
@@ -89,7 +91,7 @@ proptest! {
         prop_assert_eq!(detail.closure_samples, known as u64);
         prop_assert!(detail.closure_deg.is_none_or(|open| open < 1e-9));
         prop_assert_eq!(detail.closure_deg.is_some(), known > 0);
-        prop_assert_eq!(detail.parts.len(), 6);
+        prop_assert_eq!(detail.parts.len(), 7);
         prop_assert!(report.error_budget.compiled.is_none_or(|part| part == 0.0));
         prop_assert_eq!(report.verdict, Verdict::Pass);
     }
@@ -111,7 +113,8 @@ proptest! {
         let budget = report.error_budget;
         for (part, from, to) in [
             (budget.latency, &attitudes.truth, &attitudes.direct),
-            (budget.sensor_frontend, &attitudes.direct, &attitudes.ideal),
+            (budget.motion, &attitudes.direct, &attitudes.experienced),
+            (budget.sensor_frontend, &attitudes.experienced, &attitudes.ideal),
             (budget.adc, &attitudes.ideal, &attitudes.codes),
             (budget.algorithm, &attitudes.codes, &attitudes.real),
             (budget.rounding, &attitudes.real, &attitudes.deployed),

@@ -2,10 +2,12 @@
 
 use std::time::{Duration, Instant};
 
-use cardan_link::stream::{Conversions, Frames, IdealNodes, Nodes, RealNodes, Stream, Truth};
+use cardan_link::stream::{
+    Conversions, Frames, IdealNodes, Nodes, RealNodes, Statuses, Stream, Truth,
+};
 use cardan_link::{
     Conversion, Counters, Frame, LinkError, NodeReal, NodeWord, Options, Reader, Role, Session,
-    TruthSample,
+    Status, TruthSample,
 };
 
 /// One solution, that is one value per node and one frame, per so many conversions.
@@ -60,6 +62,7 @@ fn conversion(sequence: u64) -> Conversion {
         cycle: 1000 * sequence,
         ideal_volts: f64::from(code) * 5.0 / 1024.0,
         direct_code: f64::from(code) - 511.5,
+        experienced_code: f64::from(code) - 511.25,
         code,
         channel: (sequence % 4) as u8,
         flags: 0,
@@ -79,7 +82,17 @@ fn real(conversion: &Conversion, value: f64) -> NodeReal {
     NodeReal {
         cycle: conversion.cycle,
         value,
+        bias: 0.25,
+        deviation: f64::INFINITY,
         node: conversion.channel.into(),
+    }
+}
+
+fn status(conversion: &Conversion) -> Status {
+    Status {
+        cycle: conversion.cycle,
+        set: conversion.code.into(),
+        doubtful: conversion.channel.into(),
     }
 }
 
@@ -152,6 +165,7 @@ fn compute(session: &Session, load: Load) -> Result<(), LinkError> {
 fn model(session: &Session, load: Load) -> Result<(), LinkError> {
     let mut conversions = session.reader(Role::Emulated, Conversions)?;
     let (mut codes, mut ideals) = (session.writer(RealNodes)?, session.writer(IdealNodes)?);
+    let mut statuses = session.writer(Statuses)?;
     let mut count = 0;
     while let Some(now) = conversions.next()? {
         assert_eq!(now, conversion(count));
@@ -159,10 +173,12 @@ fn model(session: &Session, load: Load) -> Result<(), LinkError> {
         if is_solution(now.sequence) {
             codes.push(real(&now, f64::from(now.code)))?;
             ideals.push(real(&now, now.ideal_volts))?;
+            statuses.push(status(&now))?;
         }
     }
     assert_eq!(count, load.records);
     codes.finish()?;
+    statuses.finish()?;
     ideals.finish()
 }
 
@@ -197,6 +213,7 @@ fn judge(session: &Session, load: Load) -> Result<(), LinkError> {
     check(session.reader(Role::Golden, IdealNodes)?, load, |c| {
         real(c, c.ideal_volts)
     })?;
+    check(session.reader(Role::Golden, Statuses)?, load, status)?;
     check(session.reader(Role::Emulated, Frames)?, load, frame)?;
     check(session.reader(Role::Native, Frames)?, load, frame)?;
     let mut conversions = session.reader(Role::Emulated, Conversions)?;

@@ -21,8 +21,10 @@
 //!     let mut conversions = session.writer(Conversions)?;
 //!     for sequence in 0..1000 {
 //!         let cycle = 1000 * sequence;
-//!         let (channel, code, ideal_volts, direct_code) = (0, 512, 2.5, -0.5);
-//!         conversions.push(Conversion { sequence, cycle, ideal_volts, direct_code, code, channel, flags: 0 })?;
+//!         let (channel, code, ideal_volts, direct_code, experienced_code) = (0, 512, 2.5, -0.5, -0.5);
+//!         conversions.push(Conversion {
+//!             sequence, cycle, ideal_volts, direct_code, experienced_code, code, channel, flags: 0,
+//!         })?;
 //!     }
 //!     conversions.finish()?;
 //!     session.close().map(drop)
@@ -63,7 +65,9 @@ pub use error::{Death, LinkError};
 pub use handle::{Reader, Writer};
 pub use options::Options;
 pub use port::Traffic;
-pub use record::{Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, TruthSample};
+pub use record::{
+    Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, Status, TruthSample,
+};
 pub use role::Role;
 pub use session::{Counters, Session};
 pub use session_id::SessionId;

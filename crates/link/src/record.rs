@@ -25,6 +25,9 @@ pub struct Conversion {
     /// Bipolar code that memoryless ideal sensors would have given; NaN where the true attitude is
     /// not known.
     pub direct_code: f64,
+    /// Bipolar code that memoryless ideal sensors would have given of the true specific force and
+    /// field.
+    pub experienced_code: f64,
     /// The converter's code.
     pub code: u16,
     /// Multiplexer channel.
@@ -86,8 +89,25 @@ pub struct NodeReal {
     pub cycle: u64,
     /// The value in the node's unit; not finite where the arithmetic was not.
     pub value: f64,
+    /// What rounding is expected to add to it on the average, in the same unit; 0 where that is not
+    /// computed.
+    pub bias: f64,
+    /// Standard deviation of what rounding is expected to add; infinite where nothing bounds it.
+    pub deviation: f64,
     /// Index of the node.
     pub node: u16,
+}
+
+/// A model's status of one solution.
+#[derive(Debug, Clone, Copy, PartialEq, Eq, ZeroCopySend)]
+#[repr(C)]
+pub struct Status {
+    /// MCU cycle of the conversion that completed the solution.
+    pub cycle: u64,
+    /// Bits that are set.
+    pub set: u32,
+    /// Bits that rounding decides.
+    pub doubtful: u32,
 }
 
 /// One frame exactly as its bytes left the serial port.
@@ -168,6 +188,12 @@ impl Record for NodeWord {
 }
 
 impl Record for NodeReal {
+    fn cycle(&self) -> u64 {
+        self.cycle
+    }
+}
+
+impl Record for Status {
     fn cycle(&self) -> u64 {
         self.cycle
     }

@@ -5,7 +5,7 @@
 
 use crate::error::LinkError;
 use crate::record::{
-    Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, TruthSample,
+    Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, Status, TruthSample,
 };
 use crate::role::Role;
 
@@ -73,6 +73,8 @@ streams! {
     RealNodes = "real-nodes", NodeReal: MODELS => DIFF;
     /// Golden's node values on the ideal voltages, for the error budget.
     IdealNodes = "ideal-nodes", NodeReal: GOLDEN => DIFF;
+    /// Status words of the models on the codes: golden's, and native's in the real interpretation.
+    Statuses = "statuses", Status: MODELS => DIFF;
     /// Pins and inner voltages that are to be dumped; empty unless asked for.
     Signals = "signals", SignalValue: EMULATED => DIFF;
     /// Named byte strings of any length: configuration, calibration, run summary.

@@ -158,21 +158,10 @@ impl Scenario {
                 "0 or more, in the node's unit",
             )?;
         }
-        let truth = &self.tolerance.truth;
-        within(
-            "tolerance.truth.rms_deg",
-            truth.rms_deg,
-            0.0,
-            180.0,
-            "0 to 180 deg",
-        )?;
-        within(
-            "tolerance.truth.max_deg",
-            truth.max_deg,
-            0.0,
-            180.0,
-            "0 to 180 deg",
-        )
+        for (key, limit, most, expected) in self.tolerance.checked() {
+            within(key, limit, 0.0, most, expected)?;
+        }
+        Ok(())
     }
 }
 

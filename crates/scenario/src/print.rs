@@ -269,20 +269,42 @@ fn tolerance(out: &mut Page, scenario: &Scenario) {
     for (node, limit) in &t.nodes {
         out.line(&format!("{node} = {limit:?}"));
     }
-    out.table(
-        "tolerance.truth",
-        "Limits of the rotation between output and truth; without: reported, not judged.",
-    );
-    out.optional(
-        "Root mean square, unit deg, 0 to 180.",
-        "rms_deg",
-        t.truth.rms_deg,
-        "0.3",
-    );
-    out.optional(
-        "Maximum, unit deg, 0 to 180.",
-        "max_deg",
-        t.truth.max_deg,
-        "1.5",
-    );
+    let sections = [
+        (
+            "truth",
+            "Limits of the rotation between output and truth; without: reported, not judged.",
+            &t.truth.reason,
+        ),
+        (
+            "stages",
+            "Limits of the rms rotation that a stage of the error budget brings.",
+            &t.stages.reason,
+        ),
+        (
+            "channels",
+            "Limit of the mean by which a channel's voltage may be off ideal sensors.",
+            &t.channels.reason,
+        ),
+        (
+            "status",
+            "Limit of the share of solutions with status bits.",
+            &t.status.reason,
+        ),
+    ];
+    for (section, about, reason) in sections {
+        out.table(&format!("tolerance.{section}"), about);
+        for (key, limit, _, unit) in t.checked() {
+            let name = key
+                .strip_prefix("tolerance.")
+                .and_then(|key| key.split_once('.'));
+            if let Some((of, key)) = name
+                && of == section
+            {
+                out.optional(&format!("Unit and range: {unit}."), key, limit, "1.0");
+            }
+        }
+        if !reason.is_empty() {
+            out.line(&format!("reason = {reason:?}"));
+        }
+    }
 }

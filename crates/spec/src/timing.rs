@@ -53,6 +53,13 @@ pub const ADC_PRESCALER: u64 = 128;
 /// synchronisation and 2 ADC clocks (data sheet, ADC timing, auto-triggered conversion).
 pub const ADC_HOLD_CYCLES: u64 = 3 + 2 * ADC_PRESCALER;
 
+/// CPU cycles from the trigger to the result and its interrupt: 3 of synchronisation and 13.5 ADC
+/// clocks (data sheet, ADC timing, auto-triggered conversion).
+pub const ADC_RESULT_CYCLES: u64 = 3 + 27 * ADC_PRESCALER / 2;
+
+/// What the sample interrupt may wait before it must re-arm the trigger for the next compare match.
+pub const MOST_INTERRUPT_LATENCY_CYCLES: u64 = CONVERSION_CYCLES - ADC_RESULT_CYCLES;
+
 /// Rounds (one conversion of each channel) of a block. The sample interrupt sums blocks, the main loop
 /// adds blocks to averages of any length.
 pub const BLOCK_ROUNDS: usize = 16;

@@ -8,8 +8,8 @@
 
 use cardan_emulator::{AnalogInput, Conversion as Converted, Environment, Pin};
 use cardan_frontend::{AdcErrors, Frontend, Pin as DrivenPin};
-use cardan_golden::{Angles, EarthField, angles_of, codes_of, ideal_readings};
-use cardan_scenario::Trajectory;
+use cardan_golden::{Angles, EarthField, Readings, angles_of, codes_of, ideal_readings};
+use cardan_scenario::{Stimulus, Trajectory};
 use cardan_spec::calibration::Calibration;
 use cardan_spec::nodes;
 use cardan_spec::timing::{
@@ -92,12 +92,34 @@ impl Board<'_> {
         }
     }
 
-    /// The bipolar code of memoryless ideal sensors, a group delay before `cycle`.
+    /// The instant that a reading taken at `cycle` stands for, in seconds.
+    fn instant_s(&self, cycle: u64) -> f64 {
+        let delay_s = self.frontend.design().group_delay_s();
+        (Cycles(cycle).seconds(CPU_HZ) - delay_s).max(0.0)
+    }
+
+    /// The bipolar code of memoryless ideal sensors of the true specific force and field, a group
+    /// delay before `cycle`.
+    fn experienced_code(&self, cycle: u64, channel: usize) -> f64 {
+        let experience = self.trajectory.at(self.instant_s(cycle));
+        let ([fx, fy, _], [bx, by, _]) = (experience.specific_force_g, experience.field_ut);
+        let field = self.trajectory.field();
+        let total_ut = libm::hypot(field.horizontal_ut, field.vertical_ut);
+        let readings = Readings {
+            // Gravity is minus the specific force of a device at rest.
+            tilt: [-fx, -fy],
+            field: [bx / total_ut, by / total_ut],
+        };
+        codes_of(&readings, &self.calibration).map_or(f64::NAN, |codes| codes[channel])
+    }
+
+    /// The bipolar code of memoryless ideal sensors at rest in the true attitude, a group delay before
+    /// `cycle`.
     fn direct_code(&self, cycle: u64, channel: usize) -> f64 {
-        let t_s = Cycles(cycle).seconds(CPU_HZ) - self.frontend.design().group_delay_s();
+        let t_s = self.instant_s(cycle);
         let earth = EarthField::from(&self.calibration);
         self.trajectory
-            .truth_at(t_s.max(0.0))
+            .truth_at(t_s)
             .and_then(|m| codes_of(&ideal_readings(&m, earth), &self.calibration))
             .map_or(f64::NAN, |codes| codes[channel])
     }
@@ -155,6 +177,8 @@ impl Board<'_> {
         while !self.state.waiting.is_empty() && self.state.error.is_none() {
             self.third_tilt_missed(cycle);
         }
+        // A solution that the solving pin never showed missed its deadline as well.
+        self.state.missed_deadlines += self.state.pending.len() as u64;
     }
 
     fn publish(&mut self, conversion: &Conversion) {
@@ -286,6 +310,7 @@ impl Environment for Board<'_> {
             code: event.code,
             ideal_volts,
             direct_code: self.direct_code(event.hold_cycle, usize::from(channel)),
+            experienced_code: self.experienced_code(event.hold_cycle, usize::from(channel)),
             late,
             lost,
             third_tilt: None,

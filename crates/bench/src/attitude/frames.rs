@@ -1,35 +1,62 @@
-//! Frames off the wire, decoded with an independent COBS decoder.
+//! Frames off the wire, as the golden side reads them, and what they carry.
 
-use cardan_firmware::frame::{Frame, crc16};
-use cardan_spec::frame::{DELIMITER, FRAC, PAYLOAD_LEN};
+use cardan_golden::frame::{Frame, FrameError, decode as decode_golden};
+use cardan_outputs::{Message, Outputs, Quantity, StatusBit};
+use cardan_spec::frame::FRAC;
+use cardan_spec::nodes::{AVERAGE, PITCH, ROLL, SharedNode, YAW};
+use cardan_spec::{CHANNELS, flags};
 
-/// Yaw, pitch, roll in half turns and the status bits of a whole frame.
-pub(super) fn decode(bytes: &[u8]) -> Option<([f64; 3], u16)> {
-    let frame = decode_frame(bytes)?;
-    let scale = f64::from(1_u32 << FRAC);
-    Some((
-        frame.angles.map(|angle| f64::from(angle) / scale),
-        frame.flags,
-    ))
-}
+/// Names of the averages, in the order of the frame.
+const AVERAGES: [&str; CHANNELS] = [
+    "average_tilt_x",
+    "average_tilt_y",
+    "average_field_x",
+    "average_field_y",
+];
 
 /// A whole frame.
-pub(super) fn decode_frame(bytes: &[u8]) -> Option<Frame> {
-    let (&last, encoded) = bytes.split_last()?;
-    if last != DELIMITER {
-        return None;
-    }
-    let payload = cobs::decode_vec(encoded).ok()?;
-    let payload: &[u8; PAYLOAD_LEN] = payload.as_slice().try_into().ok()?;
-    let word = |offset: usize| u16::from_le_bytes([payload[offset], payload[offset + 1]]);
-    if crc16(&payload[..PAYLOAD_LEN - 2]) != word(PAYLOAD_LEN - 2) {
-        return None;
-    }
-    let signed = |offset: usize| word(offset) as i16;
-    Some(Frame {
-        sequence: word(0),
-        averages: [2, 4, 6, 8].map(signed),
-        angles: [10, 12, 14].map(signed),
-        flags: word(16),
+pub(super) fn decode_frame(bytes: &[u8]) -> Result<Frame, FrameError> {
+    decode_golden(bytes)
+}
+
+/// A frame as a message with the quantities of [`outputs`].
+pub(super) fn decode(bytes: &[u8]) -> Result<Message, String> {
+    let frame = decode_frame(bytes).map_err(|error| error.to_string())?;
+    Ok(Message {
+        sequence: frame.sequence.into(),
+        values: frame.averages.into_iter().chain(frame.angles).collect(),
+        status: frame.status.into(),
     })
+}
+
+/// What a frame carries.
+pub(super) fn outputs() -> Outputs {
+    let step = 1.0 / f64::from(1_u32 << FRAC);
+    let quantity = |name: &str, node: &SharedNode, write: usize| Quantity {
+        name: name.to_owned(),
+        node: node.name.to_owned(),
+        write,
+        unit: node.unit.to_owned(),
+        period: None,
+        step,
+        in_flagged: true,
+    };
+    let angle = |node: &SharedNode| Quantity {
+        period: Some(2.0),
+        in_flagged: false,
+        ..quantity(node.name, node, 0)
+    };
+    let averages = AVERAGES.iter().enumerate();
+    let averages = averages.map(|(write, name)| quantity(name, &AVERAGE, write));
+    Outputs {
+        quantities: averages.chain([&YAW, &PITCH, &ROLL].map(angle)).collect(),
+        status: flags::NAMES
+            .iter()
+            .map(|&(mask, name)| StatusBit {
+                name: name.to_owned(),
+                mask: mask.into(),
+            })
+            .collect(),
+        sequence_modulus: 1 << 16,
+    }
 }

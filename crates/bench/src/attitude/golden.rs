@@ -1,7 +1,7 @@
 //! The golden model as an engine.
 
 use cardan_golden::Golden;
-use cardan_spec::{Channel, REFERENCE_V};
+use cardan_spec::{Channel, REFERENCE_V, flags};
 use cardan_units::{AdcCode, Volts, ideal_bipolar_code};
 
 use super::{calibration_of, words_of};
@@ -12,6 +12,8 @@ use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 pub(super) struct GoldenEngine {
     golden: Golden,
     feed: Feed,
+    /// A conversion of this solution came late, or not at all.
+    late: bool,
 }
 
 impl GoldenEngine {
@@ -20,6 +22,7 @@ impl GoldenEngine {
         Self {
             golden: Golden::with_averaging(&calibration, configuration.averaging()),
             feed,
+            late: false,
         }
     }
 }
@@ -42,6 +45,7 @@ impl Engine for GoldenEngine {
                 Feed::IdealVolts => {
                     ideal_bipolar_code(Volts(conversion.ideal_volts), Volts(REFERENCE_V))
                 }
+                Feed::Experienced => conversion.experienced_code,
                 Feed::Direct => conversion.direct_code,
             };
             // Only real codes can clip; the other feeds have no rails.
@@ -49,14 +53,21 @@ impl Engine for GoldenEngine {
             self.golden
                 .third_tilt(conversion.third_tilt.and_then(|third| match self.feed {
                     Feed::Codes | Feed::IdealVolts => Some(third.upside_down),
-                    Feed::Direct => third.truly_upside_down,
+                    Feed::Experienced | Feed::Direct => third.truly_upside_down,
                 }));
-            self.golden
+            self.late |= conversion.late || conversion.lost;
+            let solution = self
+                .golden
                 .convert(*channel, fed, clipped, &mut |node, value| {
                     writes.push((node, value));
                 });
             for (node, value) in writes.drain(..) {
                 sink.real(node, value, conversion.cycle)?;
+            }
+            if let Some(solution) = solution {
+                let late = std::mem::take(&mut self.late);
+                let status = solution.flags | if late { flags::LATE } else { 0 };
+                sink.status(status, 0, conversion.cycle)?;
             }
         }
         Ok(Summary::default())

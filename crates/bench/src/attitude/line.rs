@@ -3,11 +3,10 @@
 use std::sync::Arc;
 
 use cardan_firmware::calibration::Settings;
-use cardan_firmware::frame::Frame;
 use cardan_frontend::AdcErrors;
+use cardan_golden::frame::Frame;
 use cardan_scenario::{Scenario, Trajectory};
 use cardan_spec::CHANNELS;
-use cardan_spec::frame::FRAC;
 
 use super::emulated::EmulatedEngine;
 use super::{configuration_of, frames};
@@ -50,9 +49,9 @@ impl Sink for Line {
     }
 
     fn frame(&mut self, cycle: u64, bytes: &[u8]) -> Result<(), SinkError> {
-        let frame = frames::decode_frame(bytes).ok_or_else(|| {
+        let frame = frames::decode_frame(bytes).map_err(|why| {
             format!(
-                "what left the serial line before cycle {cycle} is no binary frame: {:?}",
+                "what left the serial line before cycle {cycle} is no binary frame: {why} ({:?})",
                 String::from_utf8_lossy(bytes)
             )
         })?;
@@ -122,12 +121,11 @@ impl Unit<'_> {
 
 impl Told {
     fn new(frame: &Frame, time_s: f64) -> Self {
-        let scale = f64::from(1_u32 << FRAC);
         Self {
             time_s,
-            averages: frame.averages.map(|average| f64::from(average) / scale),
-            angles: frame.angles.map(|angle| f64::from(angle) / scale),
-            flags: frame.flags,
+            averages: frame.averages,
+            angles: frame.angles,
+            flags: frame.status,
         }
     }
 }

@@ -2,9 +2,11 @@
 
 mod board;
 mod calibrate;
+mod checks;
 mod datapath;
 mod eeprom;
 mod emulated;
+mod expectation;
 mod frames;
 mod golden;
 mod line;
@@ -24,6 +26,7 @@ use cardan_firmware::FORMATS_HASH;
 use cardan_firmware::calibration::Settings;
 use cardan_firmware::nodes::{NODES, Pitch, Roll, Yaw};
 use cardan_numerics::Formats;
+use cardan_outputs::{Check, Message, Outputs};
 use cardan_scenario::{Scenario, Trajectory};
 use cardan_spec::calibration::{Calibration, FRAC, WORDS};
 use cardan_spec::nodes::SHARED;
@@ -31,7 +34,7 @@ use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
 use cardan_tune::Problem;
 use cardan_units::AdcCode;
 
-use crate::app::{App, Configuration, Feed, RecordedRun, RoundingSteps, Tolerance};
+use crate::app::{App, Configuration, Evidence, Feed, RecordedRun, RoundingSteps, Tolerance};
 use crate::calibration::{CalibrateError, Calibrated, Request};
 use crate::engine::{Conversion, Engine, ThirdTilt};
 use crate::image::{EepromImage, Firmware};
@@ -128,8 +131,8 @@ impl App for Attitude {
         SHARED.iter().map(|shared| index(shared.name)).collect()
     }
 
-    fn tolerances(&self, configuration: &Configuration) -> Vec<Tolerance> {
-        tolerances::of(configuration)
+    fn tolerances(&self) -> Vec<Tolerance> {
+        tolerances::all()
     }
 
     fn solution_seconds(&self, configuration: &Configuration) -> f64 {
@@ -215,8 +218,34 @@ impl App for Attitude {
         Ok(eeprom::settings(content)?.image().to_vec())
     }
 
-    fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)> {
+    fn expectation(
+        &self,
+        configuration: &Configuration,
+        formats: Option<&[Format]>,
+    ) -> Result<Box<dyn Engine>, String> {
+        let deployed = || NODES.iter().map(|node| node.format).collect();
+        let formats = formats.map_or_else(deployed, <[Format]>::to_vec);
+        Ok(Box::new(expectation::ExpectationEngine::new(
+            formats,
+            &settings_of(configuration),
+        )))
+    }
+
+    fn checks(&self, evidence: &Evidence<'_>) -> Result<Vec<Check>, String> {
+        checks::all(evidence)
+    }
+
+    fn outputs(&self) -> Outputs {
+        frames::outputs()
+    }
+
+    fn decode(&self, bytes: &[u8]) -> Result<Message, String> {
         frames::decode(bytes)
+    }
+
+    fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)> {
+        let frame = frames::decode_frame(bytes).ok()?;
+        Some((frame.angles, frame.status))
     }
 
     fn problem(&self, tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Result<Problem, String> {
@@ -232,6 +261,13 @@ impl App for Attitude {
 fn tilt_z(conversion: &Conversion) -> i8 {
     let sign = |third: ThirdTilt| if third.upside_down { 1 } else { -1 };
     conversion.third_tilt.map_or(0, sign)
+}
+
+/// What a step of the datapath takes of one solution's conversions: their codes, and the third axis.
+fn step_inputs(solution: &[Conversion]) -> Vec<i32> {
+    let third = solution.last().map_or(0, tilt_z);
+    let codes = solution.iter().map(|c| i32::from(c.code));
+    codes.chain([i32::from(third)]).collect()
 }
 
 fn formats_of(formats: Option<&[Format]>) -> Result<Formats, String> {

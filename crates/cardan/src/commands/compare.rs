@@ -32,7 +32,7 @@ const JOIN_TIMEOUT: Duration = Duration::from_secs(10);
 #[derive(Args, Debug)]
 pub(crate) struct CompareArgs {
     #[command(flatten)]
-    run: RunOptions,
+    pub(crate) run: RunOptions,
     #[command(flatten)]
     extras: Extras,
     #[command(flatten)]
@@ -194,7 +194,7 @@ pub(crate) fn comparison(run: &RunOptions) -> Result<cardan_compare::Comparison,
 }
 
 /// Runs all participants as threads.
-fn collected(
+pub(crate) fn collected(
     setup: &Setup,
     session: &SessionId,
     plan: Option<&dump::Plan>,

@@ -4,38 +4,61 @@ use std::collections::BTreeMap;
 
 use cardan_bench::app::Configuration;
 use cardan_bench::{Conversion, Summary};
-use cardan_link::stream::{Frames, IdealNodes, Nodes, RealNodes, Signals, Truth};
-use cardan_link::{BlobReader, NodeReal, NodeWord, Role, Session, SignalValue, TruthSample};
+use cardan_compare::Expectation;
+use cardan_link::stream::{Frames, IdealNodes, Nodes, RealNodes, Signals, Statuses, Truth};
+use cardan_link::{
+    BlobReader, NodeReal, NodeWord, Role, Session, SignalValue, Status, TruthSample,
+};
 
 use super::{SUMMARY, configuration, conversions, lost};
 use crate::failure::Failure;
 
 /// Values per node in the order of their writing.
-pub(crate) type Streams<T> = BTreeMap<usize, Vec<T>>;
+pub type Streams<T> = BTreeMap<usize, Vec<T>>;
 
 /// Everything that was published in a session.
-pub(crate) struct Collected {
-    pub(crate) configuration: Configuration,
-    pub(crate) conversions: Vec<Conversion>,
-    pub(crate) truths: Vec<TruthSample>,
-    pub(crate) emulated: Streams<i64>,
-    pub(crate) native: Streams<i64>,
+#[derive(Clone, Debug)]
+pub struct Collected {
+    /// What the run was made of.
+    pub configuration: Configuration,
+    /// Conversions of the emulated converter.
+    pub conversions: Vec<Conversion>,
+    /// Truth at each solution's output instant.
+    pub truths: Vec<TruthSample>,
+    /// Words of the emulated chip.
+    pub emulated: Streams<i64>,
+    /// Words of the native firmware.
+    pub native: Streams<i64>,
     /// Cycle of the conversion that caused each of native's words, of the nodes asked for.
-    pub(crate) native_cycles: Streams<u64>,
+    pub native_cycles: Streams<u64>,
     /// What `emulated` published for the dump.
-    pub(crate) signals: Vec<SignalValue>,
-    pub(crate) real: Streams<f64>,
+    pub signals: Vec<SignalValue>,
+    /// Values of the real interpretation.
+    pub real: Streams<f64>,
+    /// What rounding is expected to make of each value of `real`.
+    pub expected: Streams<Expectation>,
+    /// Status words of the real interpretation, with the bits that rounding decides.
+    pub real_status: Vec<Status>,
+    /// Golden's status words.
+    pub golden_status: Vec<Status>,
     /// By shared node.
-    pub(crate) golden: Streams<f64>,
+    pub golden: Streams<f64>,
     /// By shared node.
-    pub(crate) golden_ideal: Streams<f64>,
-    pub(crate) emulated_frames: Vec<Vec<u8>>,
-    pub(crate) native_frames: Vec<Vec<u8>>,
-    pub(crate) emulated_summary: Summary,
-    pub(crate) native_summary: Summary,
-    pub(crate) messages: u64,
-    pub(crate) bytes: u64,
-    pub(crate) lost: u64,
+    pub golden_ideal: Streams<f64>,
+    /// Frames off the emulated line.
+    pub emulated_frames: Vec<Vec<u8>>,
+    /// Frames of the native firmware.
+    pub native_frames: Vec<Vec<u8>>,
+    /// What the emulated engine counted.
+    pub emulated_summary: Summary,
+    /// What the native engine counted.
+    pub native_summary: Summary,
+    /// Messages on the link.
+    pub messages: u64,
+    /// Bytes on the link.
+    pub bytes: u64,
+    /// Messages lost on the link.
+    pub lost: u64,
 }
 
 /// Collects the whole session, and the cycles of the nodes in `timed`.
@@ -59,13 +82,14 @@ pub(crate) fn collect(session: Session, timed: &[usize]) -> Result<Collected, Fa
     let emulated_summary = summary(&mut emulated_blobs, "emulated")?;
     let (native, native_cycles) = words(&session, Role::Native, timed)?;
     let native_frames = frames(&session, Role::Native)?;
-    let real = reals(
-        session
-            .reader(Role::Native, RealNodes)
-            .map_err(lost)?
-            .collect()
-            .map_err(lost)?,
-    );
+    let records = session
+        .reader(Role::Native, RealNodes)
+        .map_err(lost)?
+        .collect()
+        .map_err(lost)?;
+    let expected = expectations(&records);
+    let real = reals(records);
+    let real_status = statuses(&session, Role::Native)?;
     let native_summary = summary(&mut native_blobs, "native")?;
     let golden = reals(
         session
@@ -74,6 +98,7 @@ pub(crate) fn collect(session: Session, timed: &[usize]) -> Result<Collected, Fa
             .collect()
             .map_err(lost)?,
     );
+    let golden_status = statuses(&session, Role::Golden)?;
     let golden_ideal = reals(
         session
             .reader(Role::Golden, IdealNodes)
@@ -91,6 +116,9 @@ pub(crate) fn collect(session: Session, timed: &[usize]) -> Result<Collected, Fa
         native_cycles,
         signals,
         real,
+        expected,
+        real_status,
+        golden_status,
         golden,
         golden_ideal,
         emulated_frames,
@@ -122,6 +150,26 @@ fn words(
         }
     }
     Ok((words, cycles))
+}
+
+fn expectations(records: &[NodeReal]) -> Streams<Expectation> {
+    let mut streams = Streams::new();
+    for record in records {
+        let node = usize::from(record.node);
+        streams
+            .entry(node)
+            .or_insert_with(Vec::new)
+            .push(Expectation {
+                bias: record.bias,
+                deviation: record.deviation,
+            });
+    }
+    streams
+}
+
+fn statuses(session: &Session, role: Role) -> Result<Vec<Status>, Failure> {
+    let reader = session.reader(role, Statuses).map_err(lost)?;
+    reader.collect().map_err(lost)
 }
 
 fn reals(records: Vec<NodeReal>) -> Streams<f64> {

@@ -2,10 +2,10 @@
 
 use cardan_bench::app::Feed;
 use cardan_bench::{App, Sink, SinkError};
-use cardan_link::stream::{IdealNodes, RealNodes};
+use cardan_link::stream::IdealNodes;
 use cardan_link::{NodeReal, Role, Session, Writer};
 
-use super::native::Reals;
+use super::native::Model;
 use super::{configuration, conversions, engine_failure, feed, lost, node_index};
 use crate::failure::Failure;
 
@@ -16,6 +16,8 @@ impl Sink for Ideals {
         Ok(self.0.push(NodeReal {
             cycle,
             value,
+            bias: 0.0,
+            deviation: 0.0,
             node: node_index(node)?,
         })?)
     }
@@ -26,11 +28,11 @@ pub(crate) fn run(session: Session, app: &'static dyn App) -> Result<(), Failure
     let mut blobs = session.blob_reader(Role::Emulated).map_err(lost)?;
     let configuration = configuration(&mut blobs)?;
     let conversions = conversions(&session)?;
-    let mut reals = Reals(session.writer(RealNodes).map_err(lost)?);
+    let mut model = Model::new(&session).map_err(lost)?;
     app.golden(&configuration, Feed::Codes)
-        .run(&mut feed(&conversions), &mut reals)
+        .run(&mut feed(&conversions), &mut model)
         .map_err(engine_failure)?;
-    reals.0.finish().map_err(lost)?;
+    model.finish().map_err(lost)?;
     let mut ideals = Ideals(session.writer(IdealNodes).map_err(lost)?);
     app.golden(&configuration, Feed::IdealVolts)
         .run(&mut feed(&conversions), &mut ideals)

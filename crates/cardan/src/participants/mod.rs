@@ -98,6 +98,7 @@ fn from_link(record: &Record) -> Conversion {
         code: record.code,
         ideal_volts: record.ideal_volts,
         direct_code: record.direct_code,
+        experienced_code: record.experienced_code,
         late: record.is_late(),
         lost: record.is_lost(),
         third_tilt: record.has(Record::THIRD_TILT).then(|| ThirdTilt {
@@ -119,6 +120,7 @@ fn to_link(conversion: &Conversion) -> Record {
         cycle: conversion.cycle,
         ideal_volts: conversion.ideal_volts,
         direct_code: conversion.direct_code,
+        experienced_code: conversion.experienced_code,
         code: conversion.code,
         channel: conversion.channel,
         flags: flag(conversion.late, Record::LATE)

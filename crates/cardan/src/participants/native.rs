@@ -1,10 +1,11 @@
 //! The native participant: the firmware on the host, on the emulated converter's codes; and the
-//! same algorithm in its real interpretation.
+//! same algorithm in its real interpretation, with what rounding is expected to make of it.
 
 use cardan_bench::{App, Sink, SinkError};
 use cardan_datapath::Format;
-use cardan_link::stream::{Frames, Nodes, RealNodes};
-use cardan_link::{NodeReal, NodeWord, Role, Session, Writer};
+use cardan_link::stream::{Frames, Nodes, RealNodes, Statuses};
+use cardan_link::{LinkError, NodeReal, NodeWord, Role, Session, Status, Writer};
+use cardan_numerics::tape::Expected;
 
 use super::{SUMMARY, configuration, conversions, engine_failure, feed, lost, node_index};
 use crate::failure::Failure;
@@ -39,15 +40,51 @@ pub(super) fn frame(cycle: u64, bytes: &[u8]) -> Result<cardan_link::Frame, Sink
     })
 }
 
-/// Publishes real values.
-pub(super) struct Reals(pub(super) Writer<RealNodes>);
+/// Publishes a model's values and status words on the codes.
+pub(super) struct Model {
+    nodes: Writer<RealNodes>,
+    statuses: Writer<Statuses>,
+}
 
-impl Sink for Reals {
+impl Model {
+    pub(super) fn new(session: &Session) -> Result<Self, LinkError> {
+        Ok(Self {
+            nodes: session.writer(RealNodes)?,
+            statuses: session.writer(Statuses)?,
+        })
+    }
+
+    pub(super) fn finish(self) -> Result<(), LinkError> {
+        self.nodes.finish()?;
+        self.statuses.finish()
+    }
+}
+
+impl Sink for Model {
     fn real(&mut self, node: usize, value: f64, cycle: u64) -> Result<(), SinkError> {
-        Ok(self.0.push(NodeReal {
-            cycle,
+        let exact = Expected {
             value,
+            bias: 0.0,
+            deviation: 0.0,
+        };
+        self.expected(node, exact, cycle)
+    }
+
+    fn expected(&mut self, node: usize, expected: Expected, cycle: u64) -> Result<(), SinkError> {
+        Ok(self.nodes.push(NodeReal {
+            cycle,
+            value: expected.value,
+            bias: expected.bias,
+            deviation: expected.deviation,
             node: node_index(node)?,
+        })?)
+    }
+
+    fn status(&mut self, set: u16, doubtful: u16, cycle: u64) -> Result<(), SinkError> {
+        Ok(self.statuses.push(Status {
+            cycle,
+            set: set.into(),
+            doubtful: doubtful.into(),
         })?)
     }
 }
@@ -74,14 +111,14 @@ pub(crate) fn run(
     words.nodes.finish().map_err(lost)?;
     words.frames.finish().map_err(lost)?;
 
-    let mut reals = Reals(session.writer(RealNodes).map_err(lost)?);
+    let mut model = Model::new(&session).map_err(lost)?;
     let mut engine = app
-        .real(&configuration, 0, formats)
+        .expectation(&configuration, formats)
         .map_err(Failure::input)?;
     engine
-        .run(&mut feed(&conversions), &mut reals)
+        .run(&mut feed(&conversions), &mut model)
         .map_err(engine_failure)?;
-    reals.0.finish().map_err(lost)?;
+    model.finish().map_err(lost)?;
 
     let mut blobs = session.blob_writer().map_err(lost)?;
     let text = serde_json::to_vec(&summary).map_err(Failure::participant)?;

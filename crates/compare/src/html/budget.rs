@@ -9,8 +9,13 @@ use crate::format::{count, number, optional};
 use crate::report::Report;
 
 /// The parts in signal order, with what each of them is.
-const PARTS: [(&str, &str, &str); 6] = [
+const PARTS: [(&str, &str, &str); 7] = [
     ("latency", "Latency and skew", "sampling instants and delay"),
+    (
+        "motion",
+        "Motion and environment",
+        "acceleration, disturbed field: the method's own error",
+    ),
     (
         "sensor_frontend",
         "Sensor and front end",

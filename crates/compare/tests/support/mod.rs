@@ -2,13 +2,14 @@
 //! deployed participant that rounds every node and slow sensors before the converter.
 
 use cardan_compare::{
-    Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, LinkStatistics, Node,
-    Reproduce, RoundingStep, Run, Series, Tolerance,
+    Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, LinkStatistics, Messages,
+    Node, Reproduce, RoundingStep, Run, Series, Tolerance,
 };
 use cardan_golden::{
     Angles, Attitude, EarthField, Golden, Solution, angles_of, codes_of, ideal_readings,
     set_1_matrix,
 };
+use cardan_outputs::{Outputs, Status, StatusBit};
 use cardan_spec::calibration::Calibration;
 use cardan_spec::nodes::SHARED;
 use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
@@ -108,7 +109,9 @@ fn nodes(golden: &Golden64) -> Vec<Node> {
                 real: Some(values.clone()),
                 golden: Some(values.clone()),
                 native,
+                expected: None,
                 overflows: 0,
+                allowance: None,
                 tolerance: Some(Tolerance {
                     max_abs: if frac == 0 { 0.0 } else { 1.5 * lsb },
                     reason: "one rounding down, and half a step of the reference".into(),
@@ -124,6 +127,21 @@ fn nodes(golden: &Golden64) -> Vec<Node> {
     };
     nodes.insert(10, own);
     nodes
+}
+
+/// The product's status bits, without any quantity.
+pub(crate) fn status_bits() -> Outputs {
+    Outputs {
+        quantities: Vec::new(),
+        status: flags::NAMES
+            .iter()
+            .map(|&(mask, name)| StatusBit {
+                name: name.into(),
+                mask: mask.into(),
+            })
+            .collect(),
+        sequence_modulus: 1 << 16,
+    }
 }
 
 /// The run; `solutions` of 8 ms.
@@ -188,16 +206,24 @@ pub(crate) fn comparison(solutions: usize) -> Comparison {
             native: frames.clone(),
             emulated: frames,
         },
-        golden_flags: codes
-            .solutions
+        outputs: status_bits(),
+        messages: Messages::default(),
+        status: flags
             .iter()
-            .map(|solution| solution.flags)
+            .map(|&set| Status {
+                set: set.into(),
+                doubtful: 0,
+            })
             .collect(),
+        checks: Vec::new(),
+        stage_limits: Vec::new(),
+        most_flagged: None,
         flags,
         attitudes: Attitudes {
             truth: (0..solutions)
                 .map(|at| angles_of(&truth(at as f64 * SOLUTION_SECONDS + half)))
                 .collect(),
+            experienced: series(&direct.solutions),
             direct: series(&direct.solutions),
             ideal: series(&ideal.solutions),
             codes: series(&codes.solutions),

@@ -13,6 +13,7 @@ mod interval;
 mod real;
 mod run;
 mod trace;
+mod uncertainty;
 mod words;
 
 pub use adjoint::{Reals, gains};
@@ -21,6 +22,7 @@ pub use build::TraceError;
 pub use interval::{Interval, bounds};
 pub use real::Real;
 pub use run::{Domain, Runner};
+pub use uncertainty::{Expected, Raised, Uncertain, Uncertainty};
 pub use words::{Words, WriteCounts};
 pub(crate) use words::{compute, decide};
 

@@ -69,6 +69,11 @@ impl<'a, D: Domain> Runner<'a, D> {
         self.steps.back().map_or(&[], Vec::as_slice)
     }
 
+    /// The items of the last step.
+    pub(super) fn last_mut(&mut self) -> Option<&mut Vec<D::Item>> {
+        self.steps.back_mut()
+    }
+
     fn evaluate(
         &self,
         entry: &Entry,
