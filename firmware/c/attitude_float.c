@@ -14,8 +14,12 @@
 #define DOMAIN_LIMIT 1.125f
 #define LEAST_EAST 0.01f
 #define LEAST_DOWN 0.03f
-#define LEAST_VERTICAL 0.1f
+#define LEAST_VERTICAL 0.15f
 #define RESIDUAL_LIMIT 0.15f
+#define INCONSISTENCY_LIMIT 0.5f
+#define ACCELERATION_LIMIT 0.25f
+#define MOST_UNREST 3.0f
+#define QUARTER_SECOND_LOG2 9
 
 static float calibration[CALIBRATION_WORDS];
 
@@ -26,6 +30,10 @@ static struct {
     bool field_z_negative;
     bool signs_lost;
     bool started;
+    /* The largest excess of C^2 + S^2 and of the specific force of late, and what is left of each later. */
+    float inconsistency;
+    float acceleration;
+    float fading;
 } state;
 
 static uint16_t flags;
@@ -126,6 +134,25 @@ static float co_function(float a, bool negative)
     return negative ? -magnitude : magnitude;
 }
 
+/* The larger of an excess, up to the most, and what is left of the one before. */
+static float larger(float before, float excess)
+{
+    float faded = before * state.fading;
+
+    if (excess > MOST_UNREST)
+        excess = MOST_UNREST;
+    return faded < excess ? excess : faded;
+}
+
+/* How much motion there was lately, from C^2 + S^2 and from what the specific force is beyond gravity. */
+static void track_unrest(float heading_square, float force)
+{
+    state.inconsistency = larger(state.inconsistency, fabsf(heading_square - 1));
+    state.acceleration = larger(state.acceleration, force);
+    raise(INCONSISTENT, state.inconsistency > INCONSISTENCY_LIMIT);
+    raise(ACCELERATED, state.acceleration > ACCELERATION_LIMIT);
+}
+
 static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_upside_down)
 {
     float vertical = calibration[VERTICAL];
@@ -138,7 +165,7 @@ static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_u
     float twist = r->t1 * tilt->sin_roll;
     float cross_1 = level_sin - twist * c_1;
     float cross_2 = level_cos * tilt->cos_2 - tilts * s_2;
-    float yaw_1, yaw_2, cosine, roll_square, part, east_1, east_2, square_1, sum;
+    float yaw_1, yaw_2, cosine, sine_1, heading_square, east_1, east_2, square_1, sum;
     bool is_defined;
 
     /* sgn(S) acos(C). */
@@ -150,25 +177,26 @@ static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_u
     cosine = co_function(s_2, cross_2 < 0);
     yaw_2 = atan2f(tilt->down * s_2 - tilts * cosine, tilt->down * cosine + tilts * s_2);
 
-    /* The weights, times cos_roll^2 (S^2 + C^2). */
-    roll_square = tilt->cos_roll * tilt->cos_roll;
-    part = roll_square * c_1;
-    east_1 = tilt->cos_1 * cross_1;
-    east_2 = part - twist * cross_1;
+    /* Set 1's heading, both functions as quotients, and the weights times C^2 + S^2. */
+    sine_1 = divide(cross_1, tilt->cos_roll);
+    heading_square = c_1 * c_1 + sine_1 * sine_1;
+    east_1 = tilt->cos_1 * sine_1;
+    east_2 = tilt->cos_roll * c_1 - twist * sine_1;
     square_1 = east_1 * east_1;
     sum = square_1 + east_2 * east_2;
-    is_defined = sum >= LEAST_EAST * (cross_1 * cross_1 + part * c_1);
+    is_defined = sum >= LEAST_EAST * heading_square;
     raise(YAW_HELD, !is_defined);
     if (is_defined) {
         state.yaw = wrap(yaw_2 + divide(square_1, sum) * wrap(yaw_1 - yaw_2));
         if (is_upside_down)
             state.yaw = -state.yaw;
     }
+    track_unrest(heading_square, tilt->down_square < 0 ? -tilt->down_square : 0);
     return state.yaw;
 }
 
 /* Half-space, and whether the readings agree with the Earth's field. Returns whether the device is upside
- * down, as far as a third tilt axis makes that certain. */
+ * down, as far as that is known. */
 static bool check_validity(const struct readings *r, float down_square, int8_t tilt_z)
 {
     float dip_product = calibration[VERTICAL] - r->b1 * r->t1 - r->b2 * r->t2;
@@ -190,10 +218,10 @@ static bool check_validity(const struct readings *r, float down_square, int8_t t
         state.field_z_negative = state.down_negative != product_negative;
         state.signs_lost = false;
     }
-    raise(HALF_SPACE, is_steep || (tilt_z == 0 && (state.down_negative || state.signs_lost)));
+    raise(HALF_SPACE, is_steep || (tilt_z == 0 && state.signs_lost));
     raise(DISTURBED,
           fabsf(dip_product * dip_product - down_square * field_z_square) > RESIDUAL_LIMIT);
-    return tilt_z != 0 && state.down_negative;
+    return state.down_negative;
 }
 
 void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution)
@@ -222,10 +250,12 @@ void solver_set_upright(void)
     state.started = false;
 }
 
-void solver_start(const int32_t words[CALIBRATION_WORDS])
+void solver_start(const int32_t words[CALIBRATION_WORDS], uint8_t period_log2)
 {
+    uint8_t shift = period_log2 < QUARTER_SECOND_LOG2 ? QUARTER_SECOND_LOG2 - period_log2 : 0;
     uint8_t i;
 
+    state.fading = 1 - ldexpf(1, -shift);
     for (i = 0; i < CALIBRATION_WORDS; i++)
         calibration[i] = ldexpf(words[i], -CALIBRATION_FRAC);
 }

@@ -344,11 +344,11 @@ static uint16_t start_solver(void)
         image.period_log2 <= MOST_LOG2 && image.crc == crc16((const uint8_t *)&image, sizeof image - sizeof image.crc)) {
         start_averaging(image.averaging_log2, image.period_log2);
         has_third_tilt = image.options & THIRD_TILT;
-        solver_start(image.words);
+        solver_start(image.words, image.period_log2);
         return 0;
     }
     start_averaging(LEAST_PERIOD_LOG2, LEAST_PERIOD_LOG2);
-    solver_start(NOMINAL);
+    solver_start(NOMINAL, LEAST_PERIOD_LOG2);
     return UNCALIBRATED;
 }
 

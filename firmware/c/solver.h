@@ -25,12 +25,14 @@ enum {
 /* Status bits of a frame. */
 enum {
     SATURATION = 1 << 0,   /* a code stood at either end of the scale */
-    HALF_SPACE = 1 << 1,   /* the sign of gravity along body z is not known, or upside down */
+    HALF_SPACE = 1 << 1,   /* the sign of gravity along body z is not known */
     DISTURBED = 1 << 2,    /* the readings contradict the Earth's field */
     UNCALIBRATED = 1 << 3, /* no calibration in EEPROM: nominal values */
     DOMAIN = 1 << 4,       /* an inverse function's argument beyond 1 by more than noise, or x / 0 */
     LATE = 1 << 5,         /* a conversion or a solution came late */
-    YAW_HELD = 1 << 6      /* yaw is undefined here; the last one is repeated */
+    YAW_HELD = 1 << 6,     /* yaw is undefined here; the last one is repeated */
+    INCONSISTENT = 1 << 7, /* the readings contradict each other, or did a moment ago */
+    ACCELERATED = 1 << 8   /* a force of motion acts, or did a moment ago */
 };
 
 struct solution {
@@ -40,8 +42,9 @@ struct solution {
     uint16_t flags;
 };
 
-/* Call once, before the others. */
-void solver_start(const int32_t calibration[CALIBRATION_WORDS]);
+/* Call once, before the others: the calibration, and log2 of the conversions per channel from one solution
+ * to the next. */
+void solver_start(const int32_t calibration[CALIBRATION_WORDS], uint8_t period_log2);
 /* Somebody knows that the device is upright now. */
 void solver_set_upright(void);
 /* The attitude from one solution's averages over full scale, with 15 fractional bits, and from what a

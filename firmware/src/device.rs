@@ -40,7 +40,7 @@ impl<T: Tap> Solver<T> {
     pub fn new(tap: T, settings: &Settings) -> Self {
         let m = Deployed::new(tap);
         let calibration = Calibration::new(&m, &settings.words);
-        let state = State::new(&m);
+        let state = State::new(&m, settings.averaging);
         Self {
             m,
             calibration,

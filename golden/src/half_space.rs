@@ -57,9 +57,9 @@ pub struct HalfSpace {
 /// Where a solution is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Side {
-    /// The sign of gravity's z component is negative, or not known: the status bit.
+    /// The sign of gravity's z component is not known: the status bit.
     pub is_flagged: bool,
-    /// A third tilt axis tells, or told before the device came near the horizon, that it is upside down.
+    /// It is negative, as far as it is known.
     pub is_upside_down: bool,
 }
 
@@ -86,10 +86,9 @@ impl HalfSpace {
             self.lost = false;
         }
         self.signs = Some(signs);
-        let is_fitted = upside_down.is_some();
         Side {
-            is_flagged: is_steep || !is_fitted && (!signs.down_positive || self.lost),
-            is_upside_down: is_fitted && !signs.down_positive,
+            is_flagged: is_steep || upside_down.is_none() && self.lost,
+            is_upside_down: !signs.down_positive,
         }
     }
 }

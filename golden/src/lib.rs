@@ -18,6 +18,7 @@ pub mod node;
 pub mod orders;
 pub mod rotation;
 pub mod solve;
+mod unrest;
 
 pub use likelihood::{Estimate, Noise, cramer_rao, maximum_likelihood};
 pub use model::Golden;

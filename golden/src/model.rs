@@ -36,7 +36,7 @@ impl Golden {
         Self {
             calibration: *calibration,
             averaging,
-            memory: Memory::default(),
+            memory: Memory::new(averaging),
             conversions: 0,
             sums: [0.0; CHANNELS],
             means: [0.0; CHANNELS],

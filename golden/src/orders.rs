@@ -53,15 +53,16 @@ pub(crate) fn tilt_1(readings: &Readings, domain: &mut Domain) -> Tilt {
     }
 }
 
-/// Set 2: theta = asin(t2) about x, psi = -asin(t1 / cos theta) about y.
+/// Set 2: theta = asin(t2) about x, psi = -asin(t1 / cos theta) about y. What leaves the domain here
+/// leaves set 1's as well, which is the one that is looked at.
 pub(crate) fn tilt_2(readings: &Readings, domain: &mut Domain) -> Tilt {
     let [t1, t2] = readings.tilt;
     let cos_roll = root(1.0 - t2 * t2);
     let sin_pitch = domain.quotient(-t1, cos_roll);
     Tilt {
-        sin_pitch: domain.unit(sin_pitch),
+        sin_pitch: sin_pitch.clamp(-1.0, 1.0),
         cos_pitch: domain.quotient(down(readings), cos_roll),
-        sin_roll: domain.unit(t2),
+        sin_roll: t2.clamp(-1.0, 1.0),
         cos_roll,
     }
 }

@@ -1,6 +1,7 @@
 //! From the four averages to an attitude: calibration, both orders, weighting, validity.
 
 use cardan_spec::calibration::Calibration;
+use cardan_spec::timing::Averaging;
 use cardan_spec::{CHANNELS, Channel, YAW_LEAST_EAST_SQUARE, flags};
 use cardan_units::HalfTurns;
 use nalgebra::{Matrix2, Vector2};
@@ -10,16 +11,37 @@ use crate::half_space::{HalfSpace, Vertical};
 use crate::node;
 use crate::orders::{self, Heading, Tilt};
 use crate::rotation::{Angles, Attitude, EarthField, Readings, set_1_matrix};
+use crate::unrest::Unrest;
 
-/// What one solution leaves for the next: the last defined yaw (0 at first) and the tracked signs; and
-/// what a third tilt axis tells.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// What one solution leaves for the next: the last defined yaw (0 at first), the tracked signs and the
+/// motion of late; and what a third tilt axis tells.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Memory {
     /// Whether a third tilt axis tells that the device is upside down; `None` where none is fitted. It
     /// holds for every solution until it is changed.
     pub upside_down: Option<bool>,
     yaw: HalfTurns,
     half_space: HalfSpace,
+    unrest: Unrest,
+}
+
+impl Memory {
+    /// That of a device just after reset, which solves once per period of `averaging`.
+    #[must_use]
+    pub fn new(averaging: Averaging) -> Self {
+        Self {
+            upside_down: None,
+            yaw: HalfTurns::default(),
+            half_space: HalfSpace::default(),
+            unrest: Unrest::new(averaging),
+        }
+    }
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self::new(Averaging::DEFAULT)
+    }
 }
 
 /// One solution.
@@ -29,7 +51,7 @@ pub struct Solution {
     pub yaw: HalfTurns,
     /// Set 1's pitch.
     pub pitch: HalfTurns,
-    /// Set 1's roll, of the upright half-space: -0.5..=0.5; with a third tilt axis in -1..1.
+    /// Set 1's roll, in -1..1.
     pub roll: HalfTurns,
     /// Status bits ([`cardan_spec::flags`]). The golden model never sets uncalibrated or late.
     pub flags: u16,
@@ -106,6 +128,8 @@ pub fn solve_readings(
     record(node::TILT_Z, memory.upside_down.map_or(0.0, sign));
     record(node::FIELD_X, readings.field[0]);
     record(node::FIELD_Y, readings.field[1]);
+    record(node::GRAVITY_X, readings.tilt[0]);
+    record(node::GRAVITY_Y, readings.tilt[1]);
 
     let mut domain = Domain::default();
     let tilt_1 = orders::tilt_1(readings, &mut domain);
@@ -125,15 +149,11 @@ pub fn solve_readings(
     let yaw_2 = in_set_1(&tilt_2, &heading_2);
     record(node::YAW_1, heading_1.yaw.0);
     record(node::YAW_2, yaw_2.0);
-    let yaw_held = combine(
-        &tilt_1,
-        &heading_1,
-        yaw_2,
-        side.is_upside_down,
-        &mut domain,
-        &mut memory.yaw,
-        record,
-    );
+    let east = orders::east_1(&tilt_1, &heading_1);
+    let upright = weighed(east, heading_1.yaw, yaw_2, record);
+    if let Some(yaw) = upright {
+        memory.yaw = turned(yaw, side.is_upside_down);
+    }
 
     let roll = HalfTurns::from_radians(libm::asin(tilt_1.sin_roll));
     let angles = Angles {
@@ -150,11 +170,15 @@ pub fn solve_readings(
 
     record(node::DIP_PRODUCT, vertical.dip_product);
     record(node::FIELD_Z_SQUARE, vertical.field_square);
+    let heading_square = heading_1.cosine * heading_1.cosine + heading_1.sine * heading_1.sine;
+    let force_excess = (-vertical.down_square).max(0.0);
+    let unrest = memory.unrest.track(heading_square, force_excess, record);
 
     let flags = bit(flags::HALF_SPACE, side.is_flagged)
         | bit(flags::DISTURBED, vertical.is_disturbed())
         | bit(flags::DOMAIN, domain.was_left())
-        | bit(flags::YAW_HELD, yaw_held);
+        | bit(flags::YAW_HELD, upright.is_none())
+        | unrest;
     Solution {
         yaw: angles.yaw,
         pitch: angles.pitch,
@@ -174,27 +198,31 @@ fn in_set_1(tilt: &Tilt, heading: &Heading) -> HalfTurns {
     HalfTurns::from_radians(libm::atan2(matrix[(0, 1)], matrix[(0, 0)]))
 }
 
-/// Weighs the two yaws by the squares of east's body components (7.6) into `yaw`, turned to the other
-/// attitude of the same readings (7.4) if the device is upside down, or keeps it where it is undefined;
-/// true in the latter case.
-fn combine(
-    tilt_1: &Tilt,
-    heading_1: &Heading,
+/// The two yaws weighed by the squares of east's body components e1 and e2 (7.6); none where body z is so
+/// near east or west that both vanish.
+fn weighed(
+    (e1, e2): (f64, f64),
+    yaw_1: HalfTurns,
     yaw_2: HalfTurns,
-    is_upside_down: bool,
-    domain: &mut Domain,
-    yaw: &mut HalfTurns,
     record: &mut impl FnMut(usize, f64),
-) -> bool {
-    let (e1, e2) = orders::east_1(tilt_1, heading_1);
+) -> Option<HalfTurns> {
     let east_square = e1 * e1 + e2 * e2;
-    let weight_1 = domain.quotient(e1 * e1, east_square);
-    record(node::WEIGHT_1, weight_1);
-    let held = east_square < YAW_LEAST_EAST_SQUARE;
-    if !held {
-        let difference = HalfTurns(heading_1.yaw.0 - yaw_2.0).wrapped();
-        let upright = yaw_2.0 + weight_1 * difference.0;
-        *yaw = HalfTurns(if is_upside_down { -upright } else { upright }).wrapped();
+    if east_square < YAW_LEAST_EAST_SQUARE {
+        record(node::WEIGHT_1, e1 * e1);
+        return None;
     }
-    held
+    let weight_1 = e1 * e1 / east_square;
+    record(node::WEIGHT_1, weight_1);
+    let difference = HalfTurns(yaw_1.0 - yaw_2.0).wrapped();
+    Some(HalfTurns(yaw_2.0 + weight_1 * difference.0))
+}
+
+/// Yaw of the upright attitude as that of the attitude with the same readings upside down (7.4).
+fn turned(upright: HalfTurns, is_upside_down: bool) -> HalfTurns {
+    HalfTurns(if is_upside_down {
+        -upright.0
+    } else {
+        upright.0
+    })
+    .wrapped()
 }

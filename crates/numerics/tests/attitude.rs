@@ -30,7 +30,7 @@ impl Algorithm for Attitude<'_> {
     type Output = Vec<u16>;
     fn run<M: Arithmetic>(&self, m: &M) -> Vec<u16> {
         let calibration = Calibration::new(m, self.words);
-        let mut state = State::new(m);
+        let mut state = State::new(m, self.averaging);
         let mut decimator = Decimator::new(m, self.averaging);
         let mut tilt_z = self.tilt_z.iter().cycle();
         let mut step = |code: &AdcCode| {
@@ -214,7 +214,7 @@ impl Ideal {
     ) -> Vec<[f64; 3]> {
         let m = Mixed::new(&Formats::real(NODE_COUNT), Recorder::new(NODE_COUNT));
         let calibration = Calibration::new(&m, &NOMINAL);
-        let mut state = State::new(&m);
+        let mut state = State::new(&m, Averaging::DEFAULT);
         for attitude in &self.0 {
             let average = |real: f64| Value::<_, Average>::new(Number { real, raw: None });
             let (ideal, moved) = (Self::averages(*attitude), disturb());
@@ -224,7 +224,7 @@ impl Ideal {
                 late: false,
             };
             let (tilt_z, admissible) = if third_tilt {
-                state = State::new(&m);
+                state = State::new(&m, Averaging::DEFAULT);
                 (if Self::down(*attitude) < 0.0 { 1 } else { -1 }, 0)
             } else {
                 (0, flags::HALF_SPACE)

@@ -64,9 +64,20 @@ pub const YAW_LEAST_EAST_SQUARE: f64 = 0.01;
 pub const HALF_SPACE_LEAST_DOWN_SQUARE: f64 = 0.03;
 
 /// The signs of the z components are lost when the sum of their squares (g^2 and |B|^2) is under
-/// this: 0.1 is body z within about 18 degrees of east or west. Recorded motions by hand shake both
-/// squares by up to 0.1 (0.1 g of acceleration, 5 % of field inhomogeneity).
-pub const HALF_SPACE_LEAST_SUM: f64 = 0.1;
+/// this: 0.15 is body z within about 22 degrees of east or west. Recorded motions by hand shake both
+/// squares by up to 0.1 each (0.1 g of acceleration, 5 % of field inhomogeneity), their sum by 0.14.
+pub const HALF_SPACE_LEAST_SUM: f64 = 0.15;
+
+/// [`flags::INCONSISTENT`] is set while the remembered excess of C^2 + S^2 over 1 is over this: a
+/// horizontal field that is longer or shorter by a quarter. If that is two standard deviations of what
+/// motion does, the heading, which motion turns by as much, is 7 degrees off (one standard deviation),
+/// and 30 degrees are four of them.
+pub const INCONSISTENCY_LIMIT: f64 = 0.5;
+
+/// [`flags::ACCELERATED`] is set while the remembered excess of the squared specific force over 1 g^2 is
+/// over this: an eighth of a g along gravity, or 0.5 g across it, which turns the vertical by 27 degrees.
+/// Hands push in all directions alike, so that an eighth along gravity is an eighth (7 degrees) across.
+pub const ACCELERATION_LIMIT: f64 = 0.25;
 
 /// The field is flagged as disturbed when the two expressions for the squared product of the
 /// vertical components of gravity and field, (sin I - b1 t1 - b2 t2)^2 and

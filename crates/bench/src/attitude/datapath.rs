@@ -39,7 +39,7 @@ impl Datapath for AttitudeDatapath {
         State {
             calibration: Calibration::new(m, &self.words),
             decimator,
-            state: attitude::State::new(m),
+            state: attitude::State::new(m, self.averaging),
         }
     }
 

@@ -128,7 +128,7 @@ impl Engine for MixedEngine {
     ) -> Result<Summary, EngineError> {
         let m = &self.m;
         let calibration = Calibration::new(m, &self.settings.words);
-        let mut state = State::new(m);
+        let mut state = State::new(m, self.settings.averaging);
         let mut decimator = Decimator::new(m, self.settings.averaging);
         let mut sequence = 0_u16;
         for conversion in conversions {

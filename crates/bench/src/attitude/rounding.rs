@@ -100,7 +100,7 @@ impl RoundingSteps for Steps {
         };
         let m = Mixed::new(&formats, Silent);
         let calibration = Calibration::new(&m, &self.settings.words);
-        let mut state = State::new(&m);
+        let mut state = State::new(&m, self.settings.averaging);
         let mut attitudes = [const { Vec::new() }; 3];
         for solution in solutions {
             let averages = solution.averages();

@@ -27,7 +27,7 @@ const HEADING: &str = "a quotient of rounded terms by h cos_1, at most 1/8 on st
 const ANGLE: &str = "one place of the polynomial and the rounded sine behind it";
 
 /// By node; the measured error is 1/3 to 1/2 of each.
-static TOLERANCES: [Tolerance; 20] = [
+static TOLERANCES: [Tolerance; 25] = [
     tolerance("sample", 0.0, EXACT),
     tolerance("accumulator", 0.0, EXACT),
     tolerance("mean", 0.0, EXACT),
@@ -64,6 +64,11 @@ static TOLERANCES: [Tolerance; 20] = [
         3.6e-4,
         "sum of two squares of rounded readings",
     ),
+    tolerance("gravity_x", 8e-5, CALIBRATED),
+    tolerance("gravity_y", 8e-5, CALIBRATED),
+    tolerance("heading_square", 4e-3, HEADING),
+    tolerance("inconsistency", 4e-3, HEADING),
+    tolerance("acceleration", 1e-3, "places of a fading value"),
 ];
 
 const STEEP_SLOPE: &str =
