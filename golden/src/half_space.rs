@@ -6,6 +6,7 @@
 use cardan_spec::{FIELD_RESIDUAL_LIMIT, HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM};
 
 use crate::rotation::{EarthField, Readings};
+use crate::solve::Third;
 
 /// The products of the z components that four readings make observable.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -64,9 +65,8 @@ pub struct Side {
 }
 
 impl HalfSpace {
-    /// Takes the next solution, and what a third tilt axis tells of it if one is fitted: whether it is
-    /// upside down.
-    pub fn track(&mut self, vertical: &Vertical, upside_down: Option<bool>) -> Side {
+    /// Takes the next solution, and what a third tilt axis tells of it if one is fitted.
+    pub fn track(&mut self, vertical: &Vertical, third: Option<Third>) -> Side {
         let product_positive = vertical.dip_product >= 0.0;
         let mut signs = self.signs.unwrap_or(Signs {
             down_positive: true,
@@ -80,13 +80,13 @@ impl HalfSpace {
         }
         self.lost |= vertical.down_square + vertical.field_square < HALF_SPACE_LEAST_SUM;
         let is_steep = vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE;
-        if let (Some(over), false) = (upside_down, is_steep) {
-            signs.down_positive = !over;
+        if let (Some(third), false) = (third, is_steep) {
+            signs.down_positive = !third.is_upside_down();
             signs.field_positive = signs.down_positive == product_positive;
             self.lost = false;
         }
         self.signs = Some(signs);
-        let is_fitted = upside_down.is_some();
+        let is_fitted = third.is_some();
         Side {
             is_flagged: is_steep || !is_fitted && (!signs.down_positive || self.lost),
             is_upside_down: is_fitted && !signs.down_positive,

@@ -11,13 +11,46 @@ use crate::node;
 use crate::orders::{self, Heading, Tilt};
 use crate::rotation::{Angles, Attitude, EarthField, Readings, set_1_matrix};
 
+/// What a third tilt axis tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Third {
+    /// The comparator: whether gravity along body z is negative.
+    Sign {
+        /// It is.
+        upside_down: bool,
+    },
+    /// The converter: gravity along body z in g.
+    Measured(f64),
+}
+
+impl Third {
+    /// Whether gravity along body z is negative.
+    #[must_use]
+    pub fn is_upside_down(self) -> bool {
+        match self {
+            Self::Sign { upside_down } => upside_down,
+            Self::Measured(t3) => t3 < 0.0,
+        }
+    }
+
+    /// As the node `tilt_z` holds it: the reading, or the sign of gravity along body z.
+    #[must_use]
+    pub fn t3(self) -> f64 {
+        match self {
+            Self::Sign { upside_down: true } => -1.0,
+            Self::Sign { upside_down: false } => 1.0,
+            Self::Measured(t3) => t3,
+        }
+    }
+}
+
 /// What one solution leaves for the next: the last defined yaw (0 at first) and the tracked signs; and
 /// what a third tilt axis tells.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Memory {
-    /// Whether a third tilt axis tells that the device is upside down; `None` where none is fitted. It
-    /// holds for every solution until it is changed.
-    pub upside_down: Option<bool>,
+    /// What a third tilt axis tells; `None` where none is fitted. It holds for every solution until it is
+    /// changed.
+    pub third: Option<Third>,
     yaw: HalfTurns,
     half_space: HalfSpace,
 }
@@ -73,17 +106,23 @@ pub fn calibrate(averages: &[f64; CHANNELS], calibration: &Calibration) -> Readi
     }
 }
 
-/// Solves one set of averages (fractions of full scale, in channel order). `record` takes each
+/// Solves one set of averages (fractions of full scale, in channel order), and that of the third tilt axis
+/// where it is measured, which then is what `memory` says of it. `record` takes each
 /// node's index in [`cardan_spec::nodes::SHARED`] and value at each write, in signal order, from the
 /// averages on. The saturation flag is the caller's, who has seen the conversions.
 pub fn solve(
     averages: &[f64; CHANNELS],
+    tilt_z: Option<f64>,
     calibration: &Calibration,
     memory: &mut Memory,
     record: &mut impl FnMut(usize, f64),
 ) -> Solution {
-    for &average in averages {
+    for &average in averages.iter().chain(&tilt_z) {
         record(node::AVERAGE, average);
+    }
+    if let Some(average) = tilt_z {
+        let t3 = calibration.tilt_z_gain * (average - calibration.tilt_z_offset);
+        memory.third = Some(Third::Measured(t3));
     }
     solve_readings(
         &calibrate(averages, calibration),
@@ -102,8 +141,7 @@ pub fn solve_readings(
 ) -> Solution {
     record(node::TILT_X, readings.tilt[0]);
     record(node::TILT_Y, readings.tilt[1]);
-    let sign = |over: bool| if over { 1.0 } else { -1.0 };
-    record(node::TILT_Z, memory.upside_down.map_or(0.0, sign));
+    record(node::TILT_Z, memory.third.map_or(0.0, Third::t3));
     record(node::FIELD_X, readings.field[0]);
     record(node::FIELD_Y, readings.field[1]);
 
@@ -120,7 +158,7 @@ pub fn solve_readings(
     record(node::HEADING_SIN_2, heading_2.sine);
 
     let vertical = Vertical::of(readings, earth);
-    let side = memory.half_space.track(&vertical, memory.upside_down);
+    let side = memory.half_space.track(&vertical, memory.third);
 
     let yaw_2 = in_set_1(&tilt_2, &heading_2);
     record(node::YAW_1, heading_1.yaw.0);

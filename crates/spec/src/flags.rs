@@ -17,7 +17,7 @@ pub const SATURATION: u16 = 1 << 0;
 /// The flag is set while sign(d3) < 0, or d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`], or the
 /// signs are lost.
 ///
-/// A third tilt axis tells sign(d3), but for its offset and noise. Where it is fitted, in every
+/// A third tilt axis tells sign(d3), but for its offset and noise; measured, it is that of t3. Where it is fitted, in every
 /// solution after the above: unless d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`], sign(d3) is
 /// what it tells, sign(b3) := sign(d3) sign(q), and the signs are no longer lost. The flag is set
 /// while d3^2 is under that limit, and nowhere else. While sign(d3) < 0 the angles are those of the
