@@ -6,7 +6,8 @@
 //! Sines and cosines come from the readings, never from angles.
 //!
 //! Everything is computed for the upright half-space; where gravity's z component is negative, yaw and
-//! roll are turned at the end (7.4).
+//! roll are turned at the end (7.4). A Rust `if` on whether a third tilt axis is fitted, and how, is allowed:
+//! it is constant in a run.
 
 mod constants;
 mod heading;
@@ -16,7 +17,7 @@ mod validity;
 
 use cardan_datapath::{Arithmetic, Node, Value};
 use cardan_spec::timing::Averaging;
-use cardan_spec::{CHANNELS, flags};
+use cardan_spec::{Channel, MOST_CHANNELS, ThirdTilt, flags};
 
 use self::constants::{DomainLimit, OppositeDomainLimit, Zero};
 use self::unrest::Unrest;
@@ -78,23 +79,23 @@ struct Readings<M: Arithmetic> {
     b2: Value<M, FieldY>,
 }
 
-/// Computes the attitude from one solution's averages and from what the third tilt axis tells: 1 upside
-/// down, -1 upright, 0 if none is fitted. Status bits are raised in `m`.
+/// Computes the attitude from one solution's averages and, where the third tilt axis is at the comparator,
+/// from the `sign` of gravity along body z: 1 upright, -1 upside down. Status bits are raised in `m`.
 #[inline(always)]
 pub fn solve<M: Arithmetic>(
     m: &M,
     calibration: &Calibration<M>,
     state: &mut State<M>,
     averages: &Averages<M>,
-    tilt_z: i8,
+    sign: i8,
 ) -> Angles<M> {
     m.raise(flags::SATURATION, m.truth(averages.clipped));
     let readings = calibrate(m, calibration, &averages.values);
-    let tilt = tilt::tilt(m, &readings);
+    let third = third_tilt(m, calibration, &averages.values, sign);
+    let tilt = tilt::tilt(m, &readings, &third);
     let pitch = m.neg::<Pitch, _>(inverse::angle(m, tilt.x, tilt.cos_1, |x| same(m, x)));
-    let tilt_z: Value<M, TiltZ> = m.input::<TiltZ, 0>(i32::from(tilt_z));
     let vertical = validity::vertical(m, calibration, &readings, &tilt);
-    let upside_down = validity::half_space(m, state, &vertical, tilt_z);
+    let upside_down = validity::half_space(m, state, &vertical, &third);
     let roll = inverse::angle(m, tilt.sin_roll, tilt.cos_roll, |x| same(m, x));
     let behind: Value<M, Angle> = inverse::half_turn_less(m, roll);
     let roll: Value<M, Roll> = m.select(upside_down, behind, roll);
@@ -121,7 +122,7 @@ fn check_domain<M: Arithmetic, A: Node>(m: &M, a: Value<M, A>) {
 fn calibrate<M: Arithmetic>(
     m: &M,
     calibration: &Calibration<M>,
-    averages: &[Value<M, Average>; CHANNELS],
+    averages: &[Value<M, Average>; MOST_CHANNELS],
 ) -> Readings<M> {
     let centred =
         |channel: usize, offset| -> Value<M, Centred> { m.sub(averages[channel], offset) };
@@ -146,6 +147,35 @@ fn calibrate<M: Arithmetic>(
     let b1 = m.add(field_product(0, 0), field_product(0, 1));
     let b2 = m.add(field_product(1, 0), field_product(1, 1));
     Readings { t1, t2, b1, b2 }
+}
+
+/// What the third tilt axis tells.
+struct Third<M: Arithmetic> {
+    /// Constant in a run.
+    kind: ThirdTilt,
+    /// Gravity along body z in g where it is measured, its sign (1 or -1) where it is compared, else 0.
+    t3: Value<M, TiltZ>,
+}
+
+/// The reading of the third tilt axis.
+#[inline(always)]
+fn third_tilt<M: Arithmetic>(
+    m: &M,
+    calibration: &Calibration<M>,
+    averages: &[Value<M, Average>; MOST_CHANNELS],
+    sign: i8,
+) -> Third<M> {
+    let kind = calibration.third_tilt;
+    let t3 = match kind {
+        ThirdTilt::Measured => {
+            let average = averages[Channel::TiltZ as usize];
+            let centred: Value<M, Centred> = m.sub(average, calibration.tilt_z_offset);
+            m.mul(calibration.tilt_z_gain, centred)
+        }
+        ThirdTilt::Comparator => m.input::<TiltZ, 0>(sign.into()),
+        ThirdTilt::Absent => m.input::<TiltZ, 0>(0),
+    };
+    Third { kind, t3 }
 }
 
 /// sqrt(max(0, rest)).

@@ -13,13 +13,46 @@ use crate::orders::{self, Heading, Tilt};
 use crate::rotation::{Angles, Attitude, EarthField, Readings, set_1_matrix};
 use crate::unrest::Unrest;
 
+/// What a third tilt axis tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Third {
+    /// The comparator: whether gravity along body z is negative.
+    Sign {
+        /// It is.
+        upside_down: bool,
+    },
+    /// The converter: gravity along body z in g.
+    Measured(f64),
+}
+
+impl Third {
+    /// Whether gravity along body z is negative.
+    #[must_use]
+    pub fn is_upside_down(self) -> bool {
+        match self {
+            Self::Sign { upside_down } => upside_down,
+            Self::Measured(t3) => t3 < 0.0,
+        }
+    }
+
+    /// As the node `tilt_z` holds it: the reading, or the sign of gravity along body z.
+    #[must_use]
+    pub fn t3(self) -> f64 {
+        match self {
+            Self::Sign { upside_down: true } => -1.0,
+            Self::Sign { upside_down: false } => 1.0,
+            Self::Measured(t3) => t3,
+        }
+    }
+}
+
 /// What one solution leaves for the next: the last defined yaw (0 at first), the tracked signs and the
 /// motion of late; and what a third tilt axis tells.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Memory {
-    /// Whether a third tilt axis tells that the device is upside down; `None` where none is fitted. It
-    /// holds for every solution until it is changed.
-    pub upside_down: Option<bool>,
+    /// What a third tilt axis tells; `None` where none is fitted. It holds for every solution until it is
+    /// changed.
+    pub third: Option<Third>,
     yaw: HalfTurns,
     half_space: HalfSpace,
     unrest: Unrest,
@@ -30,7 +63,7 @@ impl Memory {
     #[must_use]
     pub fn new(averaging: Averaging) -> Self {
         Self {
-            upside_down: None,
+            third: None,
             yaw: HalfTurns::default(),
             half_space: HalfSpace::default(),
             unrest: Unrest::new(averaging),
@@ -95,17 +128,23 @@ pub fn calibrate(averages: &[f64; CHANNELS], calibration: &Calibration) -> Readi
     }
 }
 
-/// Solves one set of averages (fractions of full scale, in channel order). `record` takes each
+/// Solves one set of averages (fractions of full scale, in channel order), and that of the third tilt axis
+/// where it is measured, which then is what `memory` says of it. `record` takes each
 /// node's index in [`cardan_spec::nodes::SHARED`] and value at each write, in signal order, from the
 /// averages on. The saturation flag is the caller's, who has seen the conversions.
 pub fn solve(
     averages: &[f64; CHANNELS],
+    tilt_z: Option<f64>,
     calibration: &Calibration,
     memory: &mut Memory,
     record: &mut impl FnMut(usize, f64),
 ) -> Solution {
-    for &average in averages {
+    for &average in averages.iter().chain(&tilt_z) {
         record(node::AVERAGE, average);
+    }
+    if let Some(average) = tilt_z {
+        let t3 = calibration.tilt_z_gain * (average - calibration.tilt_z_offset);
+        memory.third = Some(Third::Measured(t3));
     }
     solve_readings(
         &calibrate(averages, calibration),
@@ -124,46 +163,36 @@ pub fn solve_readings(
 ) -> Solution {
     record(node::TILT_X, readings.tilt[0]);
     record(node::TILT_Y, readings.tilt[1]);
-    let sign = |over: bool| if over { 1.0 } else { -1.0 };
-    record(node::TILT_Z, memory.upside_down.map_or(0.0, sign));
+    record(node::TILT_Z, memory.third.map_or(0.0, Third::t3));
     record(node::FIELD_X, readings.field[0]);
     record(node::FIELD_Y, readings.field[1]);
+    let (readings, force_excess) = gravity(readings, memory.third);
     record(node::GRAVITY_X, readings.tilt[0]);
     record(node::GRAVITY_Y, readings.tilt[1]);
 
     let mut domain = Domain::default();
-    let tilt_1 = orders::tilt_1(readings, &mut domain);
-    let tilt_2 = orders::tilt_2(readings, &mut domain);
+    let tilt_1 = orders::tilt_1(&readings, &mut domain);
+    let tilt_2 = orders::tilt_2(&readings, &mut domain);
     record(node::COS_1, tilt_1.cos_pitch);
     record(node::COS_2, tilt_2.cos_roll);
-    record(node::DOWN, orders::down(readings));
+    record(node::DOWN, orders::down(&readings));
 
-    let heading_1 = orders::heading_1(readings, &tilt_1, earth, &mut domain);
-    let heading_2 = orders::heading_2(readings, &tilt_2, earth, &mut domain);
+    let heading_1 = orders::heading_1(&readings, &tilt_1, earth, &mut domain);
+    let heading_2 = orders::heading_2(&readings, &tilt_2, earth, &mut domain);
     record(node::HEADING_COS_1, heading_1.cosine);
     record(node::HEADING_SIN_2, heading_2.sine);
-
-    let vertical = Vertical::of(readings, earth);
-    let side = memory.half_space.track(&vertical, memory.upside_down);
-
     let yaw_2 = in_set_1(&tilt_2, &heading_2);
     record(node::YAW_1, heading_1.yaw.0);
     record(node::YAW_2, yaw_2.0);
     let east = orders::east_1(&tilt_1, &heading_1);
-    let upright = weighed(east, heading_1.yaw, yaw_2, record);
-    if let Some(yaw) = upright {
-        memory.yaw = turned(yaw, side.is_upside_down);
-    }
+    let upright_yaw = weighed(east, heading_1.yaw, yaw_2, record);
 
-    let roll = HalfTurns::from_radians(libm::asin(tilt_1.sin_roll));
-    let angles = Angles {
-        yaw: memory.yaw,
-        pitch: HalfTurns::from_radians(libm::asin(tilt_1.sin_pitch)),
-        roll: match side.is_upside_down {
-            true => HalfTurns(1.0 - roll.0).wrapped(),
-            false => roll,
-        },
-    };
+    let vertical = Vertical::of(&readings, earth);
+    let side = memory.half_space.track(&vertical, memory.third);
+    if let Some(yaw) = upright_yaw {
+        memory.yaw = HalfTurns(if side.is_upside_down { -yaw.0 } else { yaw.0 }).wrapped();
+    }
+    let angles = angles(memory.yaw, &tilt_1, side.is_upside_down);
     record(node::YAW, angles.yaw.0);
     record(node::PITCH, angles.pitch.0);
     record(node::ROLL, angles.roll.0);
@@ -171,13 +200,12 @@ pub fn solve_readings(
     record(node::DIP_PRODUCT, vertical.dip_product);
     record(node::FIELD_Z_SQUARE, vertical.field_square);
     let heading_square = heading_1.cosine * heading_1.cosine + heading_1.sine * heading_1.sine;
-    let force_excess = (-vertical.down_square).max(0.0);
     let unrest = memory.unrest.track(heading_square, force_excess, record);
 
     let flags = bit(flags::HALF_SPACE, side.is_flagged)
         | bit(flags::DISTURBED, vertical.is_disturbed())
         | bit(flags::DOMAIN, domain.was_left())
-        | bit(flags::YAW_HELD, upright.is_none())
+        | bit(flags::YAW_HELD, upright_yaw.is_none())
         | unrest;
     Solution {
         yaw: angles.yaw,
@@ -185,6 +213,40 @@ pub fn solve_readings(
         roll: angles.roll,
         flags,
         attitude: set_1_matrix(angles),
+    }
+}
+
+/// The readings with gravity's direction in place of its readings where all three axes are measured; and
+/// by how much the squared specific force differs from gravity's, where the third is missing only if it is
+/// larger.
+fn gravity(readings: &Readings, third: Option<Third>) -> (Readings, f64) {
+    let [t1, t2] = readings.tilt;
+    let plane = t1 * t1 + t2 * t2;
+    let Some(Third::Measured(t3)) = third else {
+        return (*readings, (plane - 1.0).max(0.0));
+    };
+    let square = plane + t3 * t3;
+    // Nothing has no direction: both readings are 0 then, and stay so.
+    let length = if square == 0.0 { 1.0 } else { square.sqrt() };
+    let directed = Readings {
+        tilt: [t1 / length, t2 / length],
+        ..*readings
+    };
+    (directed, (square - 1.0).abs())
+}
+
+/// Set 1's angles, turned to the other attitude of the same readings if the device is upside down (7.4);
+/// the yaw has been turned.
+fn angles(yaw: HalfTurns, tilt: &Tilt, is_upside_down: bool) -> Angles {
+    let roll = HalfTurns::from_radians(libm::asin(tilt.sin_roll));
+    Angles {
+        yaw,
+        pitch: HalfTurns::from_radians(libm::asin(tilt.sin_pitch)),
+        roll: if is_upside_down {
+            HalfTurns(1.0 - roll.0).wrapped()
+        } else {
+            roll
+        },
     }
 }
 
@@ -215,14 +277,4 @@ fn weighed(
     record(node::WEIGHT_1, weight_1);
     let difference = HalfTurns(yaw_1.0 - yaw_2.0).wrapped();
     Some(HalfTurns(yaw_2.0 + weight_1 * difference.0))
-}
-
-/// Yaw of the upright attitude as that of the attitude with the same readings upside down (7.4).
-fn turned(upright: HalfTurns, is_upside_down: bool) -> HalfTurns {
-    HalfTurns(if is_upside_down {
-        -upright.0
-    } else {
-        upright.0
-    })
-    .wrapped()
 }

@@ -1,9 +1,7 @@
 //! The half-space flag on simulated rotations through upside-down and back.
 
 use cardan_golden::solve::{Memory, solve_readings};
-use cardan_golden::{
-    Angles, Attitude, EarthField, ideal_readings, rotation_angle, set_1_matrix,
-};
+use cardan_golden::{Angles, Attitude, EarthField, ideal_readings, rotation_angle, set_1_matrix};
 use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM, flags};
 use cardan_units::HalfTurns;
 
@@ -130,7 +128,9 @@ fn with_a_third_axis_a_roll_about_the_north_axis_is_flagged_near_the_horizon_onl
     for degree in 0..3 * 360 {
         let truth = attitude(0.0, 0.0, f64::from(degree) + 0.25);
         let down = truth[(2, 2)];
-        memory.upside_down = Some(down < 0.0);
+        memory.third = Some(Third::Sign {
+            upside_down: down < 0.0,
+        });
         let is_steep = down * down < HALF_SPACE_LEAST_DOWN_SQUARE;
         assert_eq!(flagged(&truth, &mut memory), is_steep, "{degree}");
     }
@@ -141,9 +141,9 @@ fn near_the_horizon_a_third_axis_is_not_believed_and_the_signs_are_tracked() {
     let steep = attitude(40.0, 0.0, 85.0);
     for upside_down in [false, true] {
         let mut memory = Memory::default();
-        memory.upside_down = Some(false);
+        memory.third = Some(Third::Sign { upside_down: false });
         assert!(!flagged(&attitude(40.0, 0.0, 60.0), &mut memory));
-        memory.upside_down = Some(upside_down);
+        memory.third = Some(Third::Sign { upside_down });
         let readings = ideal_readings(&steep, EARTH);
         let solution = solve_readings(&readings, EARTH, &mut memory, &mut |_, _| {});
         assert_ne!(solution.flags & flags::HALF_SPACE, 0);

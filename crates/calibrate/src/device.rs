@@ -31,6 +31,8 @@ pub const NAMES: [&str; WORDS] = [
     "horizontal",
     "vertical",
     "inverse_horizontal",
+    "tilt_z_offset",
+    "tilt_z_gain",
 ];
 
 /// Offset and matrix of two channels with their standard errors.
@@ -120,6 +122,7 @@ pub(crate) fn whole(tilt: Pair, field: Pair, earth: Earth) -> Result<Estimate, E
         horizontal: earth.horizontal,
         vertical: earth.vertical,
         inverse_horizontal: 1.0 / earth.horizontal,
+        ..Calibration::nominal(1.0, earth.horizontal, earth.vertical)
     };
     let limit = f64::from(1_u32 << (31 - FRAC));
     let beyond = calibration
@@ -138,6 +141,8 @@ pub(crate) fn whole(tilt: Pair, field: Pair, earth: Earth) -> Result<Estimate, E
         horizontal: 0.0,
         vertical: 0.0,
         inverse_horizontal: 0.0,
+        tilt_z_offset: 0.0,
+        tilt_z_gain: 0.0,
     };
     Ok(Estimate {
         calibration,

@@ -18,10 +18,11 @@ pub const SATURATION: u16 = 1 << 0;
 /// are lost until a reset or the command [`crate::frame::COMMAND_UPRIGHT`].
 /// The flag is set while d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`], or the signs are lost.
 ///
-/// A third tilt axis tells sign(d3), but for its offset and noise. Where it is fitted, in every
-/// solution after the above: unless d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`], sign(d3) is
-/// what it tells, sign(b3) := sign(d3) sign(q), and the signs are no longer lost. The flag is set
-/// while d3^2 is under that limit, and nowhere else.
+/// A third tilt axis tells sign(d3), but for its offset and noise. At the comparator, in every solution
+/// after the above: unless d3^2 < [`crate::HALF_SPACE_LEAST_DOWN_SQUARE`], sign(d3) is what it tells,
+/// and sign(b3) := sign(d3) sign(q). Measured (t3), it gives d3 itself: t1, t2, t3 over the length of the
+/// vector that they are take the place of t1, t2 and d3 in all rules here, and sign(d3) is that of t3.
+/// With either, the flag is set while d3^2 is under the limit, and nowhere else.
 ///
 /// While sign(d3) < 0 the angles are those of the attitude that the readings stand for as well (sensors
 /// reference, 7.4): (yaw, pitch, roll) of the upright half becomes (-yaw, pitch, half a turn - roll).

@@ -9,7 +9,10 @@ pub mod flags;
 pub mod frame;
 pub mod nodes;
 pub mod taps;
+mod third_tilt;
 pub mod timing;
+
+pub use third_tilt::ThirdTilt;
 
 /// Sensor channels in the order in which the controller converts them; the index is the ADC channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -23,20 +26,40 @@ pub enum Channel {
     FieldX = 2,
     /// Lorentz magnetometer along body y, on ADC3.
     FieldY = 3,
+    /// Thermal accelerometer along body z, on ADC4 where it is measured ([`ThirdTilt::Measured`]).
+    TiltZ = 4,
 }
 
 impl Channel {
-    /// All channels in conversion order.
+    /// The channels of every device, in conversion order.
     pub const ALL: [Channel; 4] = [
         Channel::TiltX,
         Channel::TiltY,
         Channel::FieldX,
         Channel::FieldY,
     ];
+
+    /// The channels of a device that measures its third tilt axis, in conversion order.
+    pub const MOST: [Channel; 5] = [
+        Channel::TiltX,
+        Channel::TiltY,
+        Channel::FieldX,
+        Channel::FieldY,
+        Channel::TiltZ,
+    ];
+
+    /// The channel with that ADC input.
+    #[must_use]
+    pub fn of(index: u8) -> Option<Self> {
+        Self::MOST.get(usize::from(index)).copied()
+    }
 }
 
-/// Number of sensor channels.
+/// Sensor channels of every device.
 pub const CHANNELS: usize = Channel::ALL.len();
+
+/// Sensor channels of a device that measures its third tilt axis.
+pub const MOST_CHANNELS: usize = Channel::MOST.len();
 
 /// Supply and ADC reference of the board in volts: AVCC of the reference board.
 pub const REFERENCE_V: f64 = 5.0;

@@ -38,8 +38,8 @@ impl SharedNode {
     pub const fn per_solution(&self, averaging: Averaging) -> usize {
         match self.writes {
             Writes::Conversion => averaging.summed_conversions() * averaging.blocks(),
-            Writes::Block => averaging.counted_blocks() * super::CHANNELS,
-            Writes::Channel => super::CHANNELS,
+            Writes::Block => averaging.counted_blocks() * averaging.channels(),
+            Writes::Channel => averaging.channels(),
             Writes::Once => 1,
         }
     }
@@ -62,9 +62,9 @@ pub const AVERAGE: SharedNode = node("average", "fs", Writes::Channel);
 pub const TILT_X: SharedNode = node("tilt_x", "g", Writes::Once);
 /// t2: gravity along body y.
 pub const TILT_Y: SharedNode = node("tilt_y", "g", Writes::Once);
-/// What the third tilt axis tells: the sign of the specific force along body z, 1 upside down, -1
-/// upright; 0 where none is fitted.
-pub const TILT_Z: SharedNode = node("tilt_z", "1", Writes::Once);
+/// t3: gravity along body z where a third tilt axis is measured; where it is at the comparator, its
+/// sign (1 upright, -1 upside down); 0 where none is fitted.
+pub const TILT_Z: SharedNode = node("tilt_z", "g", Writes::Once);
 /// b1: field along body x.
 pub const FIELD_X: SharedNode = node("field_x", "B", Writes::Once);
 /// b2: field along body y.

@@ -1,15 +1,15 @@
 //! What the readings tell of the vertical: agreement with the calibrated field, and the half-space.
 
 use cardan_datapath::{Arithmetic, Value};
-use cardan_spec::flags;
+use cardan_spec::{ThirdTilt, flags};
 
-use super::constants::{LeastDown, LeastVertical, ResidualLimit, Unity, Zero};
+use super::constants::{LeastDown, LeastVertical, ResidualLimit, Unity};
 use super::tilt::Tilt;
-use super::{Readings, State};
+use super::{Readings, State, Third};
 use crate::calibration::Calibration;
 use crate::nodes::{
     DipProduct, DownSquare, FieldZSquare, Limit, One, ReadingsPart, ReadingsSum, Residual,
-    ResidualPart, TiltZ, Vertical, VerticalSum,
+    ResidualPart, Vertical, VerticalSum,
 };
 
 /// What the readings tell of the z components of gravity and field.
@@ -58,15 +58,37 @@ pub(super) fn half_space<M: Arithmetic>(
     m: &M,
     state: &mut State<M>,
     vertical: &Verticals<M>,
-    tilt_z: Value<M, TiltZ>,
+    third: &Third<M>,
 ) -> M::Bool {
-    let Verticals {
-        down_square,
-        field_z_square,
-        product_negative,
-    } = *vertical;
+    let down_square = vertical.down_square;
+    let steep = m.less(down_square, m.constant::<Limit, LeastDown>());
+    let over = m.negative(third.t3);
+    if third.kind == ThirdTilt::Measured {
+        m.raise(flags::HALF_SPACE, steep);
+        return over;
+    }
+    track_signs(m, state, vertical);
+    let sum: Value<M, VerticalSum> = m.add(down_square, vertical.field_z_square);
+    let lost = m.less(sum, m.constant::<Limit, LeastVertical>());
+    state.signs_lost = m.or(state.signs_lost, lost);
+    if third.kind == ThirdTilt::Comparator {
+        // What it tells, where gravity is clear of its offset.
+        let field_z = m.xor(over, vertical.product_negative);
+        state.down_negative = m.either(steep, state.down_negative, over);
+        state.field_z_negative = m.either(steep, state.field_z_negative, field_z);
+        m.raise(flags::HALF_SPACE, steep);
+    } else {
+        m.raise(flags::HALF_SPACE, m.or(steep, state.signs_lost));
+    }
+    state.down_negative
+}
+
+/// The z component that is farther from zero has kept its sign and gives the other its own.
+#[inline(always)]
+fn track_signs<M: Arithmetic>(m: &M, state: &mut State<M>, vertical: &Verticals<M>) {
+    let product_negative = vertical.product_negative;
     if state.started {
-        let down_smaller = m.less(down_square, field_z_square);
+        let down_smaller = m.less(vertical.down_square, vertical.field_z_square);
         let down = m.xor(state.field_z_negative, product_negative);
         let field_z = m.xor(state.down_negative, product_negative);
         let before = state.down_negative;
@@ -76,20 +98,4 @@ pub(super) fn half_space<M: Arithmetic>(
         state.field_z_negative = product_negative;
         state.started = true;
     }
-    let steep = m.less(down_square, m.constant::<Limit, LeastDown>());
-    let sum: Value<M, VerticalSum> = m.add(down_square, field_z_square);
-    let lost = m.less(sum, m.constant::<Limit, LeastVertical>());
-    let lost = m.or(state.signs_lost, lost);
-
-    // What a third axis tells, where it is fitted and gravity is clear of its offset.
-    let (no, over) = (m.truth(false), m.less(m.constant::<TiltZ, Zero>(), tilt_z));
-    let fitted = m.or(m.negative(tilt_z), over);
-    let told = m.either(steep, no, fitted);
-    state.down_negative = m.either(told, over, state.down_negative);
-    let field_z = m.xor(over, product_negative);
-    state.field_z_negative = m.either(told, field_z, state.field_z_negative);
-    state.signs_lost = m.either(told, no, lost);
-    let unknown = m.either(fitted, no, state.signs_lost);
-    m.raise(flags::HALF_SPACE, m.or(steep, unknown));
-    state.down_negative
 }

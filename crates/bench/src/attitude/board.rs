@@ -12,10 +12,8 @@ use cardan_golden::{Angles, EarthField, angles_of, codes_of, ideal_readings};
 use cardan_scenario::Trajectory;
 use cardan_spec::calibration::Calibration;
 use cardan_spec::nodes;
-use cardan_spec::timing::{
-    Averaging, BLOCK_CONVERSIONS, BLOCK_CYCLES, CONVERSION_CYCLES, CPU_HZ, WARM_UP_BLOCKS,
-};
-use cardan_spec::{CHANNELS, Channel, REFERENCE_V, frame};
+use cardan_spec::timing::{Averaging, CONVERSION_CYCLES, CPU_HZ};
+use cardan_spec::{Channel, MOST_CHANNELS, REFERENCE_V, frame};
 use cardan_units::{Cycles, Volts};
 
 use super::schedule::Schedule;
@@ -26,9 +24,6 @@ use std::sync::Arc;
 
 /// Longest message kept while waiting for its delimiter: a text line or a broken frame.
 const LONGEST_MESSAGE: usize = 64;
-
-/// Conversions before the first period.
-const WARM_UP_CONVERSIONS: u64 = (WARM_UP_BLOCKS * BLOCK_CONVERSIONS) as u64;
 
 /// What the third tilt channel is compared with.
 const MID_SUPPLY_V: f64 = REFERENCE_V / 2.0;
@@ -53,8 +48,8 @@ pub(super) struct Board<'a> {
     /// Solutions of the run.
     pub(super) solutions: u64,
     pub(super) averaging: Averaging,
-    /// The firmware knows of a third tilt axis.
-    pub(super) third_tilt: bool,
+    /// The firmware knows of a third tilt axis at the comparator.
+    pub(super) has_comparator: bool,
     pub(super) state: State,
 }
 
@@ -83,7 +78,8 @@ pub(super) struct State {
 impl Board<'_> {
     /// Conversions of the whole run, warm-up included.
     pub(super) fn last_conversion(&self) -> u64 {
-        WARM_UP_CONVERSIONS + self.solutions * self.averaging.conversions() as u64
+        self.averaging.warm_up_conversions() as u64
+            + self.solutions * self.averaging.conversions() as u64
     }
 
     fn keep(&mut self, result: Result<(), SinkError>) {
@@ -157,6 +153,14 @@ impl Board<'_> {
         }
     }
 
+    /// Bytes of a binary frame.
+    fn frame_len(&self) -> usize {
+        match self.averaging.channels() {
+            MOST_CHANNELS => frame::MOST_WIRE_LEN,
+            _ => frame::WIRE_LEN,
+        }
+    }
+
     fn publish(&mut self, conversion: &Conversion) {
         let result = self.sink.conversion(conversion);
         self.keep(result);
@@ -164,7 +168,9 @@ impl Board<'_> {
 
     /// Position in its period; none in the warm-up.
     fn index(&self, conversion: &Conversion) -> Option<usize> {
-        let settled = conversion.sequence.checked_sub(WARM_UP_CONVERSIONS)?;
+        let settled = conversion
+            .sequence
+            .checked_sub(self.averaging.warm_up_conversions() as u64)?;
         Some(settled as usize % self.averaging.conversions())
     }
 
@@ -175,7 +181,8 @@ impl Board<'_> {
     /// A solution's conversions are complete: its output instant is the centre of the hold instants
     /// of those that are averaged, less the group delay.
     fn complete(&mut self, done: u64) {
-        let mean = self.state.hold_sum as f64 / (self.averaging.length() * CHANNELS) as f64;
+        let conversions = self.averaging.length() * self.averaging.channels();
+        let mean = self.state.hold_sum as f64 / conversions as f64;
         self.state.hold_sum = 0;
         self.state.pending.push_back(done);
         let time_s = mean / CPU_HZ as f64 - self.frontend.design().group_delay_s();
@@ -204,7 +211,8 @@ impl Environment for Board<'_> {
             SOLVING if !level => {
                 // The deadline: done before the next block's conversions are complete.
                 if let Some(complete) = self.state.pending.pop_front() {
-                    self.state.missed_deadlines += u64::from(cycle > complete + BLOCK_CYCLES);
+                    self.state.missed_deadlines +=
+                        u64::from(cycle > complete + self.averaging.block_cycles());
                 }
                 return;
             }
@@ -290,7 +298,7 @@ impl Environment for Board<'_> {
             lost,
             third_tilt: None,
         };
-        let waits = self.third_tilt && self.completes(&conversion);
+        let waits = self.has_comparator && self.completes(&conversion);
         if waits {
             self.third_tilt_missed(event.done_cycle);
         }
@@ -311,11 +319,12 @@ impl Environment for Board<'_> {
     }
 
     fn uart_tx(&mut self, cycle: u64, byte: u8) {
+        let frame_len = self.frame_len();
         let message = &mut self.state.message;
         self.state.schedule.byte(cycle, message.is_empty());
         message.push(byte);
         if byte == frame::DELIMITER
-            || byte == b'\n' && message.len() > frame::WIRE_LEN
+            || byte == b'\n' && message.len() > frame_len
             || message.len() == LONGEST_MESSAGE
         {
             let bytes = std::mem::take(message);

@@ -1,7 +1,8 @@
 //! Frames off the wire, decoded with an independent COBS decoder.
 
 use cardan_firmware::frame::{Frame, crc16};
-use cardan_spec::frame::{DELIMITER, FRAC, PAYLOAD_LEN};
+use cardan_spec::MOST_CHANNELS;
+use cardan_spec::frame::{DELIMITER, FRAC, MOST_PAYLOAD_LEN, PAYLOAD_LEN};
 
 /// Yaw, pitch, roll in half turns and the status bits of a whole frame.
 pub(super) fn decode(bytes: &[u8]) -> Option<([f64; 3], u16)> {
@@ -20,15 +21,28 @@ pub(super) fn decode_frame(bytes: &[u8]) -> Option<Frame> {
         return None;
     }
     let payload = cobs::decode_vec(encoded).ok()?;
-    let payload: &[u8; PAYLOAD_LEN] = payload.as_slice().try_into().ok()?;
+    let third = match payload.len() {
+        PAYLOAD_LEN => false,
+        MOST_PAYLOAD_LEN => true,
+        _ => return None,
+    };
+    let (content, _) = payload.split_last_chunk::<2>()?;
     let word = |offset: usize| u16::from_le_bytes([payload[offset], payload[offset + 1]]);
-    if crc16(&payload[..PAYLOAD_LEN - 2]) != word(PAYLOAD_LEN - 2) {
+    if crc16(content) != word(content.len()) {
         return None;
     }
     let signed = |offset: usize| word(offset) as i16;
+    let mut averages = [0; MOST_CHANNELS];
+    for (average, offset) in averages.iter_mut().zip([2, 4, 6, 8]) {
+        *average = signed(offset);
+    }
+    if third {
+        averages[MOST_CHANNELS - 1] = signed(18);
+    }
     Some(Frame {
         sequence: word(0),
-        averages: [2, 4, 6, 8].map(signed),
+        averages,
+        third,
         angles: [10, 12, 14].map(signed),
         flags: word(16),
     })

@@ -6,8 +6,8 @@ use cardan_firmware::calibration::Settings;
 use cardan_firmware::frame::Frame;
 use cardan_frontend::AdcErrors;
 use cardan_scenario::{Scenario, Trajectory};
-use cardan_spec::CHANNELS;
 use cardan_spec::frame::FRAC;
+use cardan_spec::{CHANNELS, Channel};
 
 use super::emulated::EmulatedEngine;
 use super::{configuration_of, frames};
@@ -30,6 +30,8 @@ pub(super) struct Told {
     pub(super) time_s: f64,
     /// Averages over full scale.
     pub(super) averages: [f64; CHANNELS],
+    /// The same of the third tilt axis, where it is measured.
+    pub(super) tilt_z: Option<f64>,
     /// Yaw, pitch, roll in half turns.
     pub(super) angles: [f64; 3],
     /// Status bits.
@@ -123,9 +125,11 @@ impl Unit<'_> {
 impl Told {
     fn new(frame: &Frame, time_s: f64) -> Self {
         let scale = f64::from(1_u32 << FRAC);
+        let average = |channel: usize| f64::from(frame.averages[channel]) / scale;
         Self {
             time_s,
-            averages: frame.averages.map(|average| f64::from(average) / scale),
+            averages: Channel::ALL.map(|channel| average(channel as usize)),
+            tilt_z: frame.third.then(|| average(Channel::TiltZ as usize)),
             angles: frame.angles.map(|angle| f64::from(angle) / scale),
             flags: frame.flags,
         }

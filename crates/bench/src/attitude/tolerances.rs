@@ -96,7 +96,7 @@ pub(super) fn of(configuration: &Configuration) -> Vec<Tolerance> {
     let rounded = tolerance("average", 1.6e-5, "rounded to half a place of 2^-15");
     let given = |&given: &Tolerance| {
         let steep = STEEP.iter().find(|steep| steep.node == given.node);
-        match steep.filter(|_| configuration.third_tilt) {
+        match steep.filter(|_| configuration.third_tilt().is_fitted()) {
             Some(&steep) => steep,
             None if is_long && given.node == rounded.node => rounded,
             None => given,

@@ -17,7 +17,7 @@ const STEPS: f64 = cardan_units::AdcCode::CENTRE as f64;
 /// Units of the calibration's values, in the order of the image.
 const UNITS: [&str; WORDS] = [
     "fs", "fs", "g/fs", "g/fs", "g/fs", "g/fs", "fs", "fs", "B/fs", "B/fs", "B/fs", "B/fs", "B",
-    "B", "1",
+    "B", "1", "fs", "g/fs",
 ];
 
 #[derive(Serialize)]
