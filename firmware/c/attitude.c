@@ -41,7 +41,7 @@ CARDAN_TABLES;
 #define DOMAIN_LIMIT FIXED(1.125, FRAC)
 #define LEAST_EAST FIXED(0.01, FRAC_UNIT)
 #define LEAST_DOWN FIXED(0.03, FRAC)
-#define LEAST_VERTICAL FIXED(0.15, FRAC)
+#define LEAST_VERTICAL FIXED(0.1, FRAC)
 #define RESIDUAL_LIMIT FIXED(0.15, FRAC)
 #define INCONSISTENCY_LIMIT FIXED(0.5, FRAC_WIDE)
 #define ACCELERATION_LIMIT FIXED(0.25, FRAC_WIDE)
@@ -56,6 +56,9 @@ static struct {
     int16_t field_gain[2][2];
     int16_t vertical;
     int16_t inverse_horizontal;
+    int16_t tilt_z_offset;
+    int16_t tilt_z_gain;
+    enum third_tilt third_tilt;
 } calibration;
 
 /* What a solution leaves to the next. */
@@ -73,8 +76,9 @@ static struct {
 
 static uint16_t flags;
 
+/* t3 is gravity along body z where it is measured, its sign where the comparator tells it, else 0. */
 struct readings {
-    int16_t t1, t2, b1, b2;
+    int16_t t1, t2, t3, b1, b2;
 };
 
 /* Gravity, sines and cosines of the tilt angles of both sets, and by how much gravity is exceeded. */
@@ -198,7 +202,7 @@ static int16_t row(enum cardan_node node, enum cardan_node part, const int16_t g
 }
 
 /* Offsets and matrices: averages over full scale to g and to parts of the field. */
-static struct readings calibrate(const int16_t averages[CHANNELS])
+static struct readings calibrate(const int16_t averages[MOST_CHANNELS], int8_t sign)
 {
     struct readings r;
     int16_t a[CHANNELS];
@@ -213,6 +217,14 @@ static struct readings calibrate(const int16_t averages[CHANNELS])
     r.t2 = row(NODE_TILT_Y, NODE_TILT_PRODUCT, calibration.tilt_gain[1], a[0], a[1], 15);
     r.b1 = row(NODE_FIELD_X, NODE_FIELD_PRODUCT, calibration.field_gain[0], a[2], a[3], 14);
     r.b2 = row(NODE_FIELD_Y, NODE_FIELD_PRODUCT, calibration.field_gain[1], a[2], a[3], 14);
+    if (calibration.third_tilt == MEASURED) {
+        int16_t centred = subtract(NODE_CENTRED, averages[CHANNELS], calibration.tilt_z_offset);
+
+        r.t3 = multiply_unit(NODE_TILT_Z, calibration.tilt_z_gain, centred);
+    } else {
+        sign = calibration.third_tilt == COMPARATOR ? sign : 0;
+        r.t3 = publish(NODE_TILT_Z, (int16_t)sign * ONE);
+    }
     return r;
 }
 
@@ -229,29 +241,62 @@ static int16_t beyond_gravity(int32_t sum)
     return subtract(NODE_EXCESS, square, FIXED(1.0, FRAC_WIDE));
 }
 
+/* Gravity's direction from all three readings. */
+struct gravity {
+    int16_t x, y, z;
+    int16_t excess;
+};
+
+static struct gravity gravity_of(const struct readings *r)
+{
+    struct gravity g = {0};
+    int32_t square_1 = multiply_exact(NODE_SQUARE, r->t1, r->t1);
+    int32_t square_2 = multiply_exact(NODE_SQUARE, r->t2, r->t2);
+    int32_t sum = publish_wide(NODE_SQUARE_SUM, limit31(square_1 + square_2));
+
+    if (calibration.third_tilt == MEASURED) {
+        int32_t square_3 = multiply_exact(NODE_SQUARE, r->t3, r->t3);
+        int16_t length, inverse;
+
+        sum = publish_wide(NODE_SQUARE_SUM, limit31(sum + square_3));
+        g.excess = beyond_gravity(sum);
+        length = publish(NODE_GRAVITY_LENGTH, square_root((uint32_t)sum));
+        inverse = divide(NODE_INVERSE_LENGTH, ONE, length, FRAC);
+        g.x = multiply(NODE_GRAVITY_X, r->t1, inverse);
+        g.y = multiply(NODE_GRAVITY_Y, r->t2, inverse);
+        g.z = multiply(NODE_GRAVITY_Z, r->t3, inverse);
+        g.excess = publish(NODE_EXCESS, magnitude_limited(g.excess));
+    } else {
+        g.excess = beyond_gravity(sum);
+        g.x = publish(NODE_GRAVITY_X, r->t1);
+        g.y = publish(NODE_GRAVITY_Y, r->t2);
+        g.excess = publish(NODE_EXCESS, g.excess < 0 ? 0 : g.excess);
+    }
+    return g;
+}
+
 static struct tilt tilt_of(const struct readings *r)
 {
-    struct tilt tilt;
-    int16_t x = publish(NODE_GRAVITY_X, r->t1);
-    int16_t y = publish(NODE_GRAVITY_Y, r->t2);
-    int32_t square_1 = multiply_exact(NODE_SQUARE, x, x);
-    int32_t square_2 = multiply_exact(NODE_SQUARE, y, y);
+    struct gravity g = gravity_of(r);
+    struct tilt tilt = {.x = g.x, .y = g.y, .excess = g.excess};
+    int32_t square_1 = multiply_exact(NODE_SQUARE, g.x, g.x);
+    int32_t square_2 = multiply_exact(NODE_SQUARE, g.y, g.y);
     int32_t rest_1 = less_square(ONE_SQUARE, square_1);
     int32_t rest_2 = less_square(ONE_SQUARE, square_2);
-    int32_t rest = less_square(rest_1, square_2);
 
     tilt.cos_1 = root(NODE_COS_1, rest_1);
     tilt.cos_2 = root(NODE_COS_2, rest_2);
-    tilt.down = root(NODE_DOWN, rest);
-    tilt.x = x;
-    tilt.y = y;
-    tilt.sin_roll = divide(NODE_SIN_ROLL, y, tilt.cos_1, FRAC);
+    if (calibration.third_tilt == MEASURED) {
+        tilt.down = publish(NODE_DOWN, magnitude_limited(g.z));
+        tilt.down_square = multiply(NODE_DOWN_SQUARE, g.z, g.z);
+    } else {
+        int32_t rest = less_square(rest_1, square_2);
+
+        tilt.down = root(NODE_DOWN, rest);
+        tilt.down_square = publish(NODE_DOWN_SQUARE, round_shift(rest, FRAC_SQUARE - FRAC));
+    }
+    tilt.sin_roll = divide(NODE_SIN_ROLL, g.y, tilt.cos_1, FRAC);
     tilt.cos_roll = divide(NODE_COS_ROLL, tilt.down, tilt.cos_1, FRAC);
-    check_domain(x);
-    check_domain(tilt.sin_roll);
-    tilt.down_square = publish(NODE_DOWN_SQUARE, round_shift(rest, FRAC_SQUARE - FRAC));
-    tilt.excess = beyond_gravity(publish_wide(NODE_SQUARE_SUM, limit31(square_1 + square_2)));
-    tilt.excess = publish(NODE_EXCESS, tilt.excess < 0 ? 0 : tilt.excess);
     return tilt;
 }
 
@@ -410,27 +455,30 @@ static void track_signs(int16_t down_square, int16_t field_z_square, bool produc
 
 /* The half-space, from what the readings and a third tilt axis tell of the z components. Returns whether
  * the device is upside down, as far as that is known. */
-static bool find_half_space(int16_t down_square, int16_t field_z_square, bool product_negative,
-                            int8_t tilt_z)
+static bool find_half_space(int16_t down_square, int16_t field_z_square, bool product_negative, int16_t t3)
 {
-    /* The sum has a fractional bit less, so that it fits. */
-    int16_t z_sum = publish(NODE_VERTICAL_SUM, round_shift((int32_t)down_square + field_z_square, 1));
     bool is_steep = down_square < LEAST_DOWN;
+    int16_t z_sum;
 
+    raise(HALF_SPACE, is_steep);
+    if (calibration.third_tilt == MEASURED)
+        return t3 < 0;
     track_signs(down_square, field_z_square, product_negative);
+    /* The sum has a fractional bit less, so that it fits. */
+    z_sum = publish(NODE_VERTICAL_SUM, round_shift((int32_t)down_square + field_z_square, 1));
     if ((int32_t)z_sum * 2 < LEAST_VERTICAL)
         state.signs_lost = true;
-    if (tilt_z != 0 && !is_steep) {
-        state.down_negative = tilt_z > 0;
+    if (calibration.third_tilt == ABSENT) {
+        raise(HALF_SPACE, state.signs_lost);
+    } else if (!is_steep) {
+        state.down_negative = t3 < 0;
         state.field_z_negative = state.down_negative != product_negative;
-        state.signs_lost = false;
     }
-    raise(HALF_SPACE, is_steep || (tilt_z == 0 && state.signs_lost));
     return state.down_negative;
 }
 
 /* Whether the readings agree with the Earth's field, and the half-space. */
-static bool check_validity(const struct readings *r, const struct tilt *tilt, int8_t tilt_z)
+static bool check_validity(const struct readings *r, const struct tilt *tilt)
 {
     const uint8_t places = FRAC_SQUARE - FRAC;
     int32_t vertical = (int32_t)calibration.vertical << (FRAC_SQUARE - FRAC_UNIT);
@@ -450,10 +498,10 @@ static bool check_validity(const struct readings *r, const struct tilt *tilt, in
     residual = subtract(NODE_RESIDUAL, seen, expected);
     residual = publish(NODE_RESIDUAL, magnitude_limited(residual));
     raise(DISTURBED, residual > RESIDUAL_LIMIT);
-    return find_half_space(tilt->down_square, field_z_square, dip_product < 0, tilt_z);
+    return find_half_space(tilt->down_square, field_z_square, dip_product < 0, r->t3);
 }
 
-void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution)
+void solve(const int16_t averages[MOST_CHANNELS], int8_t sign, struct solution *solution)
 {
     struct readings readings;
     struct tilt tilt;
@@ -461,10 +509,9 @@ void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *sol
     bool is_upside_down;
 
     flags = 0;
-    cardan_tap(NODE_TILT_Z, tilt_z);
-    readings = calibrate(averages);
+    readings = calibrate(averages, sign);
     tilt = tilt_of(&readings);
-    is_upside_down = check_validity(&readings, &tilt, tilt_z);
+    is_upside_down = check_validity(&readings, &tilt);
     solution->pitch =
         publish(NODE_PITCH, subtract_wrapped(0, angle(tilt.x, tilt.cos_1, 0)));
     roll = angle(tilt.sin_roll, tilt.cos_roll, 0);
@@ -487,7 +534,7 @@ static int16_t setting(const int32_t *word, uint8_t frac)
     return round_shift(*word, CALIBRATION_FRAC - frac);
 }
 
-void solver_start(const int32_t words[CALIBRATION_WORDS], uint8_t period_log2)
+void solver_start(const int32_t words[CALIBRATION_WORDS], uint8_t period_log2, enum third_tilt third_tilt)
 {
     uint8_t shift = period_log2 < QUARTER_SECOND_LOG2 ? QUARTER_SECOND_LOG2 - period_log2 : 0;
     uint8_t i, j;
@@ -504,4 +551,7 @@ void solver_start(const int32_t words[CALIBRATION_WORDS], uint8_t period_log2)
     }
     calibration.vertical = setting(&words[VERTICAL], 15);
     calibration.inverse_horizontal = setting(&words[INVERSE_HORIZONTAL], INVERSE_FRAC);
+    calibration.tilt_z_offset = setting(&words[TILT_Z_OFFSET], 15);
+    calibration.tilt_z_gain = setting(&words[TILT_Z_GAIN], 14);
+    calibration.third_tilt = third_tilt;
 }

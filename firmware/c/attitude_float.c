@@ -14,7 +14,7 @@
 #define DOMAIN_LIMIT 1.125f
 #define LEAST_EAST 0.01f
 #define LEAST_DOWN 0.03f
-#define LEAST_VERTICAL 0.15f
+#define LEAST_VERTICAL 0.1f
 #define RESIDUAL_LIMIT 0.15f
 #define INCONSISTENCY_LIMIT 0.5f
 #define ACCELERATION_LIMIT 0.25f
@@ -22,6 +22,7 @@
 #define QUARTER_SECOND_LOG2 9
 
 static float calibration[CALIBRATION_WORDS];
+static enum third_tilt third_tilt;
 
 /* What a solution leaves to the next. */
 static struct {
@@ -38,8 +39,9 @@ static struct {
 
 static uint16_t flags;
 
+/* t3 is gravity along body z where it is measured, its sign where the comparator tells it, else 0. */
 struct readings {
-    float t1, t2, b1, b2;
+    float t1, t2, t3, b1, b2;
 };
 
 /* Sines and cosines of the tilt angles of both sets. */
@@ -47,6 +49,7 @@ struct tilt {
     float cos_1, cos_2, down;
     float sin_roll, cos_roll;
     float down_square;
+    float excess;
 };
 
 static void raise(uint16_t flag, bool condition)
@@ -69,11 +72,15 @@ static float root(float rest)
     return rest < 0 ? 0 : sqrtf(rest);
 }
 
-/* a limited to -1..1; a status bit if it is beyond by more than noise. */
+/* a limited to -1..1. */
 static float clamp(float a)
 {
-    raise(DOMAIN, a > DOMAIN_LIMIT || a < -DOMAIN_LIMIT);
     return a > 1 ? 1 : a < -1 ? -1 : a;
+}
+
+static void check_domain(float a)
+{
+    raise(DOMAIN, a > DOMAIN_LIMIT || a < -DOMAIN_LIMIT);
 }
 
 /* An angle in radians within half a turn. */
@@ -93,7 +100,7 @@ static int16_t to_half_turns(float radians)
 }
 
 /* Offsets and matrices: averages to g and to parts of the field. */
-static struct readings calibrate(const int16_t averages[CHANNELS])
+static struct readings calibrate(const int16_t averages[MOST_CHANNELS], int8_t sign)
 {
     const float *offset = calibration;
     const float *tilt = &calibration[TILT_MATRIX];
@@ -108,16 +115,36 @@ static struct readings calibrate(const int16_t averages[CHANNELS])
     y = averages[3] * (1 / FULL_SCALE) - offset[FIELD_OFFSET + 1];
     r.b1 = field[0] * x + field[1] * y;
     r.b2 = field[2] * x + field[3] * y;
+    r.t3 = sign;
+    if (third_tilt == MEASURED)
+        r.t3 = (averages[CHANNELS] * (1 / FULL_SCALE) - offset[TILT_Z_OFFSET]) * calibration[TILT_Z_GAIN];
     return r;
 }
 
-static struct tilt tilt_of(const struct readings *r)
+/* By how much the squared specific force differs from gravity's, without a third axis only upwards. Where
+ * there is one the readings become their direction. */
+static float take_direction(struct readings *r)
 {
+    float square = r->t1 * r->t1 + r->t2 * r->t2;
+    float inverse;
+
+    if (third_tilt != MEASURED)
+        return square > 1 ? square - 1 : 0;
+    square += r->t3 * r->t3;
+    inverse = divide(1, sqrtf(square));
+    r->t1 *= inverse;
+    r->t2 *= inverse;
+    r->t3 *= inverse;
+    return fabsf(square - 1);
+}
+
+static struct tilt tilt_of(struct readings *r)
+{
+    struct tilt tilt = {.excess = take_direction(r)};
     float square_1 = r->t1 * r->t1;
     float square_2 = r->t2 * r->t2;
-    struct tilt tilt;
 
-    tilt.down_square = 1 - square_1 - square_2;
+    tilt.down_square = third_tilt == MEASURED ? r->t3 * r->t3 : 1 - square_1 - square_2;
     tilt.cos_1 = root(1 - square_1);
     tilt.cos_2 = root(1 - square_2);
     tilt.down = root(tilt.down_square);
@@ -168,6 +195,8 @@ static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_u
     float yaw_1, yaw_2, cosine, sine_1, heading_square, east_1, east_2, square_1, sum;
     bool is_defined;
 
+    check_domain(c_1);
+    check_domain(s_2);
     /* sgn(S) acos(C). */
     yaw_1 = acosf(clamp(c_1));
     if (cross_1 < 0)
@@ -191,19 +220,14 @@ static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_u
         if (is_upside_down)
             state.yaw = -state.yaw;
     }
-    track_unrest(heading_square, tilt->down_square < 0 ? -tilt->down_square : 0);
+    track_unrest(heading_square, tilt->excess);
     return state.yaw;
 }
 
-/* Half-space, and whether the readings agree with the Earth's field. Returns whether the device is upside
- * down, as far as that is known. */
-static bool check_validity(const struct readings *r, float down_square, int8_t tilt_z)
+/* The signs of the z components of gravity and field: the one farther from zero keeps its sign, and
+ * the sign of their product is seen. */
+static void track_signs(float down_square, float field_z_square, bool product_negative)
 {
-    float dip_product = calibration[VERTICAL] - r->b1 * r->t1 - r->b2 * r->t2;
-    float field_z_square = 1 - r->b1 * r->b1 - r->b2 * r->b2;
-    bool product_negative = dip_product < 0;
-    bool is_steep = down_square < LEAST_DOWN;
-
     if (!state.started)
         state.field_z_negative = product_negative;
     else if (down_square < field_z_square)
@@ -211,20 +235,34 @@ static bool check_validity(const struct readings *r, float down_square, int8_t t
     else
         state.field_z_negative = state.down_negative != product_negative;
     state.started = true;
-    if (down_square + field_z_square < LEAST_VERTICAL)
-        state.signs_lost = true;
-    if (tilt_z != 0 && !is_steep) {
-        state.down_negative = tilt_z > 0;
-        state.field_z_negative = state.down_negative != product_negative;
-        state.signs_lost = false;
-    }
-    raise(HALF_SPACE, is_steep || (tilt_z == 0 && state.signs_lost));
+}
+
+/* Half-space, and whether the readings agree with the Earth's field. Returns whether the device is upside
+ * down, as far as that is known. */
+static bool check_validity(const struct readings *r, float down_square)
+{
+    float dip_product = calibration[VERTICAL] - r->b1 * r->t1 - r->b2 * r->t2;
+    float field_z_square = 1 - r->b1 * r->b1 - r->b2 * r->b2;
+    bool is_steep = down_square < LEAST_DOWN;
+
     raise(DISTURBED,
           fabsf(dip_product * dip_product - down_square * field_z_square) > RESIDUAL_LIMIT);
+    raise(HALF_SPACE, is_steep);
+    if (third_tilt == MEASURED)
+        return r->t3 < 0;
+    track_signs(down_square, field_z_square, dip_product < 0);
+    if (down_square + field_z_square < LEAST_VERTICAL)
+        state.signs_lost = true;
+    if (third_tilt == ABSENT) {
+        raise(HALF_SPACE, state.signs_lost);
+    } else if (!is_steep) {
+        state.down_negative = r->t3 < 0;
+        state.field_z_negative = state.down_negative != (dip_product < 0);
+    }
     return state.down_negative;
 }
 
-void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution)
+void solve(const int16_t averages[MOST_CHANNELS], int8_t sign, struct solution *solution)
 {
     struct readings readings;
     struct tilt tilt;
@@ -232,9 +270,9 @@ void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *sol
     bool is_upside_down;
 
     flags = 0;
-    readings = calibrate(averages);
+    readings = calibrate(averages, sign);
     tilt = tilt_of(&readings);
-    is_upside_down = check_validity(&readings, tilt.down_square, tilt_z);
+    is_upside_down = check_validity(&readings, tilt.down_square);
     solution->pitch = to_half_turns(-asinf(clamp(readings.t1)));
     roll = asinf(clamp(tilt.sin_roll));
     solution->roll = to_half_turns(is_upside_down ? PI - roll : roll);
@@ -250,11 +288,12 @@ void solver_set_upright(void)
     state.started = false;
 }
 
-void solver_start(const int32_t words[CALIBRATION_WORDS], uint8_t period_log2)
+void solver_start(const int32_t words[CALIBRATION_WORDS], uint8_t period_log2, enum third_tilt fitted)
 {
     uint8_t shift = period_log2 < QUARTER_SECOND_LOG2 ? QUARTER_SECOND_LOG2 - period_log2 : 0;
     uint8_t i;
 
+    third_tilt = fitted;
     state.fading = 1 - ldexpf(1, -shift);
     for (i = 0; i < CALIBRATION_WORDS; i++)
         calibration[i] = ldexpf(words[i], -CALIBRATION_FRAC);

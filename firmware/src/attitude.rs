@@ -19,13 +19,13 @@ use cardan_datapath::{Arithmetic, Node, Value};
 use cardan_spec::timing::Averaging;
 use cardan_spec::{Channel, MOST_CHANNELS, ThirdTilt, flags};
 
-use self::constants::{DomainLimit, OppositeDomainLimit, Zero};
+use self::constants::Zero;
 use self::unrest::Unrest;
 use crate::averaging::Averages;
 use crate::calibration::Calibration;
 use crate::inverse;
 use crate::nodes::{
-    Angle, Average, Centred, FieldProduct, FieldX, FieldY, Limit, One, Pitch, Radicand, Rest, Roll,
+    Angle, Average, Centred, FieldProduct, FieldX, FieldY, One, Pitch, Radicand, Rest, Roll,
     TiltProduct, TiltX, TiltY, TiltZ, Yaw,
 };
 
@@ -107,14 +107,6 @@ pub fn solve<M: Arithmetic>(
 #[inline(always)]
 fn same<M: Arithmetic, N: Node, A: Node>(m: &M, a: Value<M, A>) -> Value<M, N> {
     m.shift::<N, A, 0>(a)
-}
-
-/// Raises the domain status if |a| is beyond 1 by more than noise.
-#[inline(always)]
-fn check_domain<M: Arithmetic, A: Node>(m: &M, a: Value<M, A>) {
-    let limit = m.constant::<Limit, DomainLimit>();
-    let opposite = m.constant::<Limit, OppositeDomainLimit>();
-    m.raise(flags::DOMAIN, m.or(m.less(limit, a), m.less(a, opposite)));
 }
 
 /// Offsets and matrices: averages over full scale to g and |B|.

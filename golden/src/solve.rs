@@ -166,11 +166,11 @@ pub fn solve_readings(
     record(node::TILT_Z, memory.third.map_or(0.0, Third::t3));
     record(node::FIELD_X, readings.field[0]);
     record(node::FIELD_Y, readings.field[1]);
-    let (readings, force_excess) = gravity(readings, memory.third);
+    let mut domain = Domain::default();
+    let (readings, force_excess) = gravity(readings, memory.third, &mut domain);
     record(node::GRAVITY_X, readings.tilt[0]);
     record(node::GRAVITY_Y, readings.tilt[1]);
 
-    let mut domain = Domain::default();
     let tilt_1 = orders::tilt_1(&readings, &mut domain);
     let tilt_2 = orders::tilt_2(&readings, &mut domain);
     record(node::COS_1, tilt_1.cos_pitch);
@@ -219,7 +219,7 @@ pub fn solve_readings(
 /// The readings with gravity's direction in place of its readings where all three axes are measured; and
 /// by how much the squared specific force differs from gravity's, where the third is missing only if it is
 /// larger.
-fn gravity(readings: &Readings, third: Option<Third>) -> (Readings, f64) {
+fn gravity(readings: &Readings, third: Option<Third>, domain: &mut Domain) -> (Readings, f64) {
     let [t1, t2] = readings.tilt;
     let plane = t1 * t1 + t2 * t2;
     let Some(Third::Measured(t3)) = third else {
@@ -227,9 +227,9 @@ fn gravity(readings: &Readings, third: Option<Third>) -> (Readings, f64) {
     };
     let square = plane + t3 * t3;
     // Nothing has no direction: both readings are 0 then, and stay so.
-    let length = if square == 0.0 { 1.0 } else { square.sqrt() };
+    let inverse = domain.quotient(1.0, square.sqrt());
     let directed = Readings {
-        tilt: [t1 / length, t2 / length],
+        tilt: [t1 * inverse, t2 * inverse],
         ..*readings
     };
     (directed, (square - 1.0).abs())

@@ -1,6 +1,6 @@
 //! The half-space flag on simulated rotations through upside-down and back.
 
-use cardan_golden::solve::{Memory, solve_readings};
+use cardan_golden::solve::{Memory, Third, solve_readings};
 use cardan_golden::{Angles, Attitude, EarthField, ideal_readings, rotation_angle, set_1_matrix};
 use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM, flags};
 use cardan_units::HalfTurns;

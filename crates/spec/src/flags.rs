@@ -31,8 +31,9 @@ pub const HALF_SPACE: u16 = 1 << 1;
 pub const DISTURBED: u16 = 1 << 2;
 /// The calibration in EEPROM is absent or damaged; nominal values are in use.
 pub const UNCALIBRATED: u16 = 1 << 3;
-/// An argument left the domain of an inverse function by more than noise: |t1|, |t2 / cos_1|, |C| of set
-/// 1 or |S| of set 2 is over 1 + [`crate::DOMAIN_MARGIN`]. Or a divisor was zero: cos_1, cos_2 or d3.
+/// An argument left the domain of an inverse function by more than noise: |C| of set 1 or |S| of set 2 is
+/// over 1 + [`crate::DOMAIN_MARGIN`]. Or a divisor was zero: d3 (gravity's readings x and y are as long as
+/// gravity, or longer), cos_1, cos_2, or the length of a measured vector.
 pub const DOMAIN: u16 = 1 << 4;
 /// The previous solution was not finished when this one's averages were complete, or a conversion
 /// came late.

@@ -87,9 +87,10 @@ pub const YAW_LEAST_EAST_SQUARE: f64 = 0.01;
 pub const HALF_SPACE_LEAST_DOWN_SQUARE: f64 = 0.03;
 
 /// The signs of the z components are lost when the sum of their squares (g^2 and |B|^2) is under
-/// this: 0.15 is body z within about 22 degrees of east or west. Recorded motions by hand shake both
-/// squares by up to 0.1 each (0.1 g of acceleration, 5 % of field inhomogeneity), their sum by 0.14.
-pub const HALF_SPACE_LEAST_SUM: f64 = 0.15;
+/// this: 0.1 is body z within about 18 degrees of east or west. Recorded motions by hand shake both
+/// squares by up to 0.1 (0.1 g of acceleration, 5 % of field inhomogeneity). More would leave nothing: over
+/// a somersault towards north the sum falls to 1 - sin I, 0.14 at the reference site.
+pub const HALF_SPACE_LEAST_SUM: f64 = 0.1;
 
 /// [`flags::INCONSISTENT`] is set while the remembered excess of C^2 + S^2 over 1 is over this: a
 /// horizontal field that is longer or shorter by a quarter. If that is two standard deviations of what

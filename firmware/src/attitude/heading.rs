@@ -3,16 +3,16 @@
 use cardan_datapath::{Arithmetic, Node, Value};
 use cardan_spec::flags;
 
-use super::constants::{LeastEast, MinusUnity, Unity};
+use super::constants::{DomainLimit, LeastEast, MinusUnity, OppositeDomainLimit, Unity};
 use super::tilt::Tilt;
-use super::{Readings, State, check_domain, root, same};
+use super::{Readings, State, root, same};
 use crate::calibration::Calibration;
 use crate::inverse;
 use crate::nodes::{
     AsinArgument, CosRoll, Cross1, Cross2, DipPart, EastX, HeadingCos1, HeadingCos2,
     HeadingMagnitude, HeadingPart, HeadingQuotient, HeadingSin1, HeadingSin2, HeadingSquare,
-    LeastShare, LeastSum, LevelCos, LevelSin, LevelX, LevelY, MatrixLength, MatrixTerm, NorthX,
-    One, Rest, Square, TiltCross, Twist1, TwistPart, UnitArgument, Weight1, WeightPart,
+    LeastShare, LeastSum, LevelCos, LevelSin, LevelX, LevelY, Limit, MatrixLength, MatrixTerm,
+    NorthX, One, Rest, Square, TiltCross, Twist1, TwistPart, UnitArgument, Weight1, WeightPart,
     WeightSquare, WeightSum, WeightX, WeightY, Yaw, Yaw1, Yaw2, YawCorrection, YawDifference,
     YawFresh,
 };
@@ -169,4 +169,12 @@ fn weight<M: Arithmetic>(
     let one = m.constant::<WeightSum, Unity>();
     let divisor: Value<M, WeightSum> = m.select(undefined, one, sum);
     (m.div(square_1, divisor), m.not(undefined))
+}
+
+/// Raises the domain status if |a| is beyond 1 by more than noise.
+#[inline(always)]
+fn check_domain<M: Arithmetic, A: Node>(m: &M, a: Value<M, A>) {
+    let limit = m.constant::<Limit, DomainLimit>();
+    let opposite = m.constant::<Limit, OppositeDomainLimit>();
+    m.raise(flags::DOMAIN, m.or(m.less(limit, a), m.less(a, opposite)));
 }

@@ -4,7 +4,7 @@ use cardan_datapath::{Arithmetic, Value};
 use cardan_spec::ThirdTilt;
 
 use super::constants::{Unity, Zero};
-use super::{Readings, Third, check_domain, root, same};
+use super::{Readings, Third, root, same};
 use crate::nodes::{
     Cos1, Cos2, CosRoll, Down, DownSquare, Excess, GravityLength, GravitySquare, GravityX,
     GravityY, GravityZ, InverseLength, Limit, One, Rest, SinRoll, Square, SquareSum,
@@ -54,8 +54,6 @@ pub(super) fn tilt<M: Arithmetic>(m: &M, readings: &Readings<M>, third: &Third<M
     };
     let sin_roll: Value<M, SinRoll> = m.div(y, cos_1);
     let cos_roll = m.div(down, cos_1);
-    check_domain(m, x);
-    check_domain(m, sin_roll);
     Tilt {
         x,
         y,
