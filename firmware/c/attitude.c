@@ -359,7 +359,7 @@ static bool find_half_space(int16_t down_square, int16_t field_z_square, bool pr
     if ((int32_t)z_sum * 2 < LEAST_VERTICAL)
         state.signs_lost = true;
     if (tilt_z != 0 && !is_steep) {
-        state.down_negative = tilt_z > 0;
+        state.down_negative = tilt_z < 0;
         state.field_z_negative = state.down_negative != product_negative;
         state.signs_lost = false;
     }
@@ -399,7 +399,7 @@ void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *sol
     bool is_upside_down;
 
     flags = 0;
-    cardan_tap(NODE_TILT_Z, tilt_z);
+    cardan_tap(NODE_TILT_Z, tilt_z * (1 << FRAC));
     readings = calibrate(averages);
     tilt = tilt_of(&readings);
     is_upside_down = check_validity(&readings, tilt.down_square, tilt_z);

@@ -186,7 +186,7 @@ static bool check_validity(const struct readings *r, float down_square, int8_t t
     if (down_square + field_z_square < LEAST_VERTICAL)
         state.signs_lost = true;
     if (tilt_z != 0 && !is_steep) {
-        state.down_negative = tilt_z > 0;
+        state.down_negative = tilt_z < 0;
         state.field_z_negative = state.down_negative != product_negative;
         state.signs_lost = false;
     }

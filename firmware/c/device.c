@@ -308,8 +308,8 @@ static void send_text(uint16_t sequence, const struct solution *solution)
 /* ---- Settings: from EEPROM, else nominal sensors at the reference site. ---- */
 
 #define MAGIC 0xCA1D
-#define VERSION 3
-#define THIRD_TILT 1 /* an option: a third tilt axis is at the comparator */
+#define VERSION 4
+#define THIRD_TILT 1 /* an option: a third tilt axis is at the comparator. (Measured is another, not done here.) */
 
 struct calibration_image {
     uint16_t magic;
@@ -328,7 +328,8 @@ static const int32_t NOMINAL[CALIBRATION_WORDS] = {
     -262144, -262144,
     344059800, 0, 0, 344059800,   /* 60 uT at full scale over 46.812 uT */
     136672021, 231036156,         /* cosine and sine of the inclination */
-    527230031                     /* 1 / cosine */
+    527230031,                    /* 1 / cosine */
+    -262144, -322122547           /* of a third tilt axis that is measured */
 };
 
 static bool has_third_tilt;
@@ -340,10 +341,10 @@ static uint16_t start_solver(void)
 
     eeprom_read_block(&image, (const void *)0, sizeof image);
     if (image.magic == MAGIC && image.version == VERSION && image.count == CALIBRATION_WORDS &&
-        image.averaging_log2 <= image.period_log2 && image.period_log2 >= LEAST_PERIOD_LOG2 &&
+        image.options <= THIRD_TILT && image.averaging_log2 <= image.period_log2 && image.period_log2 >= LEAST_PERIOD_LOG2 &&
         image.period_log2 <= MOST_LOG2 && image.crc == crc16((const uint8_t *)&image, sizeof image - sizeof image.crc)) {
         start_averaging(image.averaging_log2, image.period_log2);
-        has_third_tilt = image.options & THIRD_TILT;
+        has_third_tilt = image.options == THIRD_TILT;
         solver_start(image.words);
         return 0;
     }
@@ -418,12 +419,12 @@ static bool obey(bool is_text)
     return is_text;
 }
 
-/* The third tilt axis: AIN0 above AIN1, mid supply, is upside down. */
+/* The sign of gravity along body z, by the third tilt axis: AIN0 above AIN1, mid supply, is upside down. */
 static int8_t tilt_z(void)
 {
     if (!has_third_tilt)
         return 0;
-    return ACSR & _BV(ACO) ? 1 : -1;
+    return ACSR & _BV(ACO) ? -1 : 1;
 }
 
 int main(void)

@@ -8,7 +8,7 @@
 /* Sensor channels in conversion order: tilt x, tilt y, field x, field y. */
 #define CHANNELS 4
 /* Calibration words, with CALIBRATION_FRAC fractional bits. */
-#define CALIBRATION_WORDS 15
+#define CALIBRATION_WORDS 17
 #define CALIBRATION_FRAC 28
 
 /* Order of the calibration words; the matrices are row by row. */
@@ -19,7 +19,9 @@ enum {
     FIELD_MATRIX = 8,
     HORIZONTAL = 12,
     VERTICAL = 13,
-    INVERSE_HORIZONTAL = 14
+    INVERSE_HORIZONTAL = 14,
+    TILT_Z_OFFSET = 15, /* not used: these solvers take the sign of gravity along body z alone */
+    TILT_Z_GAIN = 16
 };
 
 /* Status bits of a frame. */
@@ -45,7 +47,7 @@ void solver_start(const int32_t calibration[CALIBRATION_WORDS]);
 /* Somebody knows that the device is upright now. */
 void solver_set_upright(void);
 /* The attitude from one solution's averages over full scale, with 15 fractional bits, and from what a
- * third tilt axis tells: 1 upside down, -1 upright, 0 if none is fitted. */
+ * third tilt axis tells, the sign of gravity along body z: 1 upright, -1 upside down, 0 if none is fitted. */
 void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution);
 
 #endif
