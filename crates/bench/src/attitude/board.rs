@@ -1,14 +1,17 @@
 //! The breadboard of the attitude sensor, wired like its schematic: the chip's pins PB1 (carrier),
 //! PB2 (strobe), PB3 and PD3 (the tilt channels' multiplexer) drive the front end, whose four outputs
-//! are ADC0..ADC3; PB5 shows when the firmware computes; the serial line ends in the sink. Where a
-//! third tilt axis is fitted, its output is AIN0 (PD6), beside mid supply on AIN1 (PD7).
+//! are ADC0..ADC3; PB5 shows when the firmware computes; the serial line ends in the sink. A third tilt
+//! axis is on ADC4 where it is measured; where it is compared, it is on AIN0 (PD6), beside mid supply on
+//! AIN1 (PD7).
 //!
-//! The firmware reads the third axis after the last conversion of a solution. That conversion, and what
+//! The firmware reads the comparator after the last conversion of a solution. That conversion, and what
 //! follows it, waits here for the reading, so that it can be published with what belongs to it.
 
 use cardan_emulator::{AnalogInput, Conversion as Converted, Environment, Pin};
 use cardan_frontend::{AdcErrors, Frontend, Pin as DrivenPin};
-use cardan_golden::{Angles, EarthField, angles_of, codes_of, ideal_readings};
+use cardan_golden::{
+    Angles, Attitude, EarthField, angles_of, code_of_tilt_z, codes_of, ideal_readings,
+};
 use cardan_scenario::Trajectory;
 use cardan_spec::calibration::Calibration;
 use cardan_spec::nodes;
@@ -89,13 +92,16 @@ impl Board<'_> {
     }
 
     /// The bipolar code of memoryless ideal sensors, a group delay before `cycle`.
-    fn direct_code(&self, cycle: u64, channel: usize) -> f64 {
+    fn direct_code(&self, cycle: u64, channel: Channel) -> f64 {
         let t_s = Cycles(cycle).seconds(CPU_HZ) - self.frontend.design().group_delay_s();
         let earth = EarthField::from(&self.calibration);
-        self.trajectory
-            .truth_at(t_s.max(0.0))
-            .and_then(|m| codes_of(&ideal_readings(&m, earth), &self.calibration))
-            .map_or(f64::NAN, |codes| codes[channel])
+        let code = |attitude: Attitude| match channel {
+            Channel::TiltZ => code_of_tilt_z(&attitude, &self.calibration),
+            _ => codes_of(&ideal_readings(&attitude, earth), &self.calibration)
+                .map(|codes| codes[channel as usize]),
+        };
+        let attitude = self.trajectory.truth_at(t_s.max(0.0));
+        attitude.and_then(code).unwrap_or(f64::NAN)
     }
 
     /// The voltage of the third tilt channel, mid supply where none is fitted.
@@ -150,6 +156,16 @@ impl Board<'_> {
     pub(super) fn finish(&mut self, cycle: u64) {
         while !self.state.waiting.is_empty() && self.state.error.is_none() {
             self.third_tilt_missed(cycle);
+        }
+    }
+
+    /// The channel of a conversion, if this device has it.
+    fn converted(&self, input: AnalogInput) -> Option<Channel> {
+        match input {
+            AnalogInput::Pin(pin) if usize::from(pin) < self.averaging.channels() => {
+                Channel::of(pin)
+            }
+            _ => None,
         }
     }
 
@@ -230,7 +246,7 @@ impl Environment for Board<'_> {
 
     fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
         let channel = match input {
-            AnalogInput::Pin(pin) => Channel::ALL.get(usize::from(pin)),
+            AnalogInput::Pin(pin) => Channel::of(pin),
             AnalogInput::Ain0 => {
                 let volts = self.third_volts(cycle);
                 self.third_tilt_read(cycle, volts);
@@ -240,7 +256,7 @@ impl Environment for Board<'_> {
             _ => None,
         };
         // Unconnected inputs read 0 V.
-        let Some(&channel) = channel else { return 0.0 };
+        let Some(channel) = channel else { return 0.0 };
         match self.frontend.voltage(Cycles(cycle), channel) {
             Ok(Volts(volts)) => {
                 // The first conversion after enabling holds later by design.
@@ -268,12 +284,12 @@ impl Environment for Board<'_> {
         if sequence >= self.last_conversion() {
             return;
         }
-        let (AnalogInput::Pin(channel), Some((_, ideal_volts))) =
-            (event.input, self.state.ideal.take())
-        else {
+        let converted = self.converted(event.input);
+        let (Some(channel), Some((_, ideal_volts))) = (converted, self.state.ideal.take()) else {
             let what = format!(
-                "the firmware converted {:?}, where the attitude sensor has only ADC0 to ADC3",
-                event.input
+                "the firmware converted {:?}, where this attitude sensor has only ADC0 to ADC{}",
+                event.input,
+                self.averaging.channels() - 1
             );
             return self.keep(Err(what.into()));
         };
@@ -290,10 +306,10 @@ impl Environment for Board<'_> {
         let conversion = Conversion {
             sequence,
             cycle: event.hold_cycle,
-            channel,
+            channel: channel as u8,
             code: event.code,
             ideal_volts,
-            direct_code: self.direct_code(event.hold_cycle, usize::from(channel)),
+            direct_code: self.direct_code(event.hold_cycle, channel),
             late,
             lost,
             third_tilt: None,
