@@ -3,7 +3,8 @@
  * Written from the equations and from firmware/wordlengths.toml, as a team that brings its own C would.
  * Letters: t1, t2 gravity along body x, y in g; b1, b2 field along body x, y over the total field;
  * C, S cosine and sine of a heading. Set 1 is yaw, pitch, roll (Z-Y-X), set 2 the order Z-X-Y; both give
- * a yaw, and yaw is their weighted mean. Angles are in half turns.
+ * a yaw, and yaw is their weighted mean. Angles are in half turns. Everything is computed for the upright
+ * half-space and turned at the end.
  *
  * A function with a node as its first argument computes that node's value and publishes it.
  */
@@ -13,15 +14,17 @@
 
 /* The shifts below are those of the formats with this hash. After a change of formats (and
  * `cargo xtask c-header`) adapt them, then copy the new hash from nodes.h. */
-#if CARDAN_FORMATS_HASH != 0x2b71297f0b224627
+#if CARDAN_FORMATS_HASH != 0x64e8196a1e8da7f1
 #error "attitude.c is written for other formats than nodes.h has: adapt its shifts, then this hash"
 #endif
 
 CARDAN_TABLES;
 
-/* Fractional bits: of most words, of words whose values stay under 1, and of exact products. */
+/* Fractional bits: of most words, of words whose values stay under 1 or reach 4, and of exact products. */
 #define FRAC 14
 #define FRAC_UNIT 15
+#define FRAC_WIDE 13
+#define INVERSE_FRAC 12
 #define FRAC_SQUARE 28
 
 #define ONE FIXED(1.0, FRAC)
@@ -40,6 +43,11 @@ CARDAN_TABLES;
 #define LEAST_DOWN FIXED(0.03, FRAC)
 #define LEAST_VERTICAL FIXED(0.1, FRAC)
 #define RESIDUAL_LIMIT FIXED(0.15, FRAC)
+#define INCONSISTENCY_LIMIT FIXED(0.5, FRAC_WIDE)
+#define ACCELERATION_LIMIT FIXED(0.25, FRAC_WIDE)
+#define MOST_UNREST FIXED(3.0, FRAC_WIDE)
+/* log2 of the conversions in a quarter of a second, in which an excess fades. */
+#define QUARTER_SECOND_LOG2 9
 
 static struct {
     int16_t tilt_offset[2];
@@ -48,6 +56,9 @@ static struct {
     int16_t field_gain[2][2];
     int16_t vertical;
     int16_t inverse_horizontal;
+    int16_t tilt_z_offset;
+    int16_t tilt_z_gain;
+    enum third_tilt third_tilt;
 } calibration;
 
 /* What a solution leaves to the next. */
@@ -57,19 +68,26 @@ static struct {
     bool field_z_negative;
     bool signs_lost;
     bool started;
+    /* The largest excess of C^2 + S^2 and of the specific force of late, and what is left of each later. */
+    int16_t inconsistency;
+    int16_t acceleration;
+    int16_t fading;
 } state;
 
 static uint16_t flags;
 
+/* t3 is gravity along body z where it is measured, its sign where the comparator tells it, else 0. */
 struct readings {
-    int16_t t1, t2, b1, b2;
+    int16_t t1, t2, t3, b1, b2;
 };
 
-/* Sines and cosines of the tilt angles of both sets. */
+/* Gravity, sines and cosines of the tilt angles of both sets, and by how much gravity is exceeded. */
 struct tilt {
+    int16_t x, y;
     int16_t cos_1, cos_2, down;
     int16_t sin_roll, cos_roll;
     int16_t down_square;
+    int16_t excess;
 };
 
 static inline int16_t publish(enum cardan_node node, int16_t word)
@@ -96,7 +114,7 @@ static int16_t multiply(enum cardan_node node, int16_t a, int16_t b)
     return publish(node, multiply_round(a, b, FRAC));
 }
 
-/* a b where one factor or the product has a bit more. */
+/* a b where one factor has a bit more, or the product a bit less. */
 static int16_t multiply_unit(enum cardan_node node, int16_t a, int16_t b)
 {
     return publish(node, multiply_round(a, b, FRAC_UNIT));
@@ -184,7 +202,7 @@ static int16_t row(enum cardan_node node, enum cardan_node part, const int16_t g
 }
 
 /* Offsets and matrices: averages over full scale to g and to parts of the field. */
-static struct readings calibrate(const int16_t averages[CHANNELS])
+static struct readings calibrate(const int16_t averages[MOST_CHANNELS], int8_t sign)
 {
     struct readings r;
     int16_t a[CHANNELS];
@@ -199,6 +217,14 @@ static struct readings calibrate(const int16_t averages[CHANNELS])
     r.t2 = row(NODE_TILT_Y, NODE_TILT_PRODUCT, calibration.tilt_gain[1], a[0], a[1], 15);
     r.b1 = row(NODE_FIELD_X, NODE_FIELD_PRODUCT, calibration.field_gain[0], a[2], a[3], 14);
     r.b2 = row(NODE_FIELD_Y, NODE_FIELD_PRODUCT, calibration.field_gain[1], a[2], a[3], 14);
+    if (calibration.third_tilt == MEASURED) {
+        int16_t centred = subtract(NODE_CENTRED, averages[CHANNELS], calibration.tilt_z_offset);
+
+        r.t3 = multiply_unit(NODE_TILT_Z, calibration.tilt_z_gain, centred);
+    } else {
+        sign = calibration.third_tilt == COMPARATOR ? sign : 0;
+        r.t3 = publish(NODE_TILT_Z, (int16_t)sign * ONE);
+    }
     return r;
 }
 
@@ -207,23 +233,70 @@ static int32_t less_square(int32_t from, int32_t square)
     return publish_wide(NODE_REST, limit31(from - square));
 }
 
-static struct tilt tilt_of(const struct readings *r)
+/* A squared specific force less that of gravity. */
+static int16_t beyond_gravity(int32_t sum)
 {
-    struct tilt tilt;
+    int16_t square = publish(NODE_GRAVITY_SQUARE, round_shift(sum, FRAC_SQUARE - FRAC_WIDE));
+
+    return subtract(NODE_EXCESS, square, FIXED(1.0, FRAC_WIDE));
+}
+
+/* Gravity's direction from all three readings. */
+struct gravity {
+    int16_t x, y, z;
+    int16_t excess;
+};
+
+static struct gravity gravity_of(const struct readings *r)
+{
+    struct gravity g = {0};
     int32_t square_1 = multiply_exact(NODE_SQUARE, r->t1, r->t1);
     int32_t square_2 = multiply_exact(NODE_SQUARE, r->t2, r->t2);
+    int32_t sum = publish_wide(NODE_SQUARE_SUM, limit31(square_1 + square_2));
+
+    if (calibration.third_tilt == MEASURED) {
+        int32_t square_3 = multiply_exact(NODE_SQUARE, r->t3, r->t3);
+        int16_t length, inverse;
+
+        sum = publish_wide(NODE_SQUARE_SUM, limit31(sum + square_3));
+        g.excess = beyond_gravity(sum);
+        length = publish(NODE_GRAVITY_LENGTH, square_root((uint32_t)sum));
+        inverse = divide(NODE_INVERSE_LENGTH, ONE, length, FRAC);
+        g.x = multiply(NODE_GRAVITY_X, r->t1, inverse);
+        g.y = multiply(NODE_GRAVITY_Y, r->t2, inverse);
+        g.z = multiply(NODE_GRAVITY_Z, r->t3, inverse);
+        g.excess = publish(NODE_EXCESS, magnitude_limited(g.excess));
+    } else {
+        g.excess = beyond_gravity(sum);
+        g.x = publish(NODE_GRAVITY_X, r->t1);
+        g.y = publish(NODE_GRAVITY_Y, r->t2);
+        g.excess = publish(NODE_EXCESS, g.excess < 0 ? 0 : g.excess);
+    }
+    return g;
+}
+
+static struct tilt tilt_of(const struct readings *r)
+{
+    struct gravity g = gravity_of(r);
+    struct tilt tilt = {.x = g.x, .y = g.y, .excess = g.excess};
+    int32_t square_1 = multiply_exact(NODE_SQUARE, g.x, g.x);
+    int32_t square_2 = multiply_exact(NODE_SQUARE, g.y, g.y);
     int32_t rest_1 = less_square(ONE_SQUARE, square_1);
     int32_t rest_2 = less_square(ONE_SQUARE, square_2);
-    int32_t rest = less_square(rest_1, square_2);
 
     tilt.cos_1 = root(NODE_COS_1, rest_1);
     tilt.cos_2 = root(NODE_COS_2, rest_2);
-    tilt.down = root(NODE_DOWN, rest);
-    tilt.sin_roll = divide(NODE_SIN_ROLL, r->t2, tilt.cos_1, FRAC);
+    if (calibration.third_tilt == MEASURED) {
+        tilt.down = publish(NODE_DOWN, magnitude_limited(g.z));
+        tilt.down_square = multiply(NODE_DOWN_SQUARE, g.z, g.z);
+    } else {
+        int32_t rest = less_square(rest_1, square_2);
+
+        tilt.down = root(NODE_DOWN, rest);
+        tilt.down_square = publish(NODE_DOWN_SQUARE, round_shift(rest, FRAC_SQUARE - FRAC));
+    }
+    tilt.sin_roll = divide(NODE_SIN_ROLL, g.y, tilt.cos_1, FRAC);
     tilt.cos_roll = divide(NODE_COS_ROLL, tilt.down, tilt.cos_1, FRAC);
-    check_domain(r->t1);
-    check_domain(tilt.sin_roll);
-    tilt.down_square = publish(NODE_DOWN_SQUARE, round_shift(rest, FRAC_SQUARE - FRAC));
     return tilt;
 }
 
@@ -271,50 +344,78 @@ static int16_t yaw_of_set_2(int16_t sine, bool cosine_negative, int16_t tilts, c
     return publish(NODE_YAW_2, angle(east, north, &length));
 }
 
-/* Set 1's weight e1^2 / (e1^2 + e2^2), both taken times cos_roll^2 (S^2 + C^2), which spares divisions.
- * Returns whether yaw is defined. */
-static bool weigh(const struct tilt *tilt, int16_t twist, int16_t c, int16_t cross, int16_t *weight)
+/* Set 1's weight e1^2 / (e1^2 + e2^2), both taken times C^2 + S^2, which spares a root. Returns whether yaw
+ * is defined. */
+static bool weigh(const struct tilt *tilt, int16_t twist, int16_t c, int16_t sine, int16_t square,
+                  int16_t *weight)
 {
-    int16_t roll_square = multiply(NODE_ROLL_SQUARE, tilt->cos_roll, tilt->cos_roll);
-    int16_t east_1 = multiply(NODE_WEIGHT_X, tilt->cos_1, cross);
-    int16_t a = multiply(NODE_WEIGHT_PART, roll_square, c);
-    int16_t b = multiply(NODE_WEIGHT_PART, twist, cross);
+    int16_t east_1 = multiply(NODE_WEIGHT_X, tilt->cos_1, sine);
+    int16_t a = multiply(NODE_WEIGHT_PART, tilt->cos_roll, c);
+    int16_t b = multiply(NODE_WEIGHT_PART, twist, sine);
     int16_t east_2 = subtract(NODE_WEIGHT_Y, a, b);
     int16_t square_1 = multiply(NODE_WEIGHT_SQUARE, east_1, east_1);
     int16_t square_2 = multiply(NODE_WEIGHT_SQUARE, east_2, east_2);
     int16_t sum = add(NODE_WEIGHT_SUM, square_1, square_2);
-    int16_t sine = multiply(NODE_SCALE_PART, cross, cross);
-    int16_t cosine = multiply(NODE_SCALE_PART, a, c);
-    int16_t scale = add(NODE_SCALE, sine, cosine);
+    int16_t least = multiply(NODE_LEAST_SUM, LEAST_EAST, square);
+    bool is_defined = sum >= least;
 
-    *weight = divide(NODE_WEIGHT_1, square_1, sum, FRAC_UNIT);
-    return sum >= multiply_unit(NODE_LEAST_SUM, LEAST_EAST, scale);
+    sum = publish(NODE_WEIGHT_SUM, is_defined ? sum : ONE);
+    *weight = divide(NODE_WEIGHT_1, square_1, sum, FRAC);
+    return is_defined;
+}
+
+/* The larger of an excess, up to the most, and what is left of the one before. */
+static int16_t larger(enum cardan_node node, int16_t before, int16_t excess)
+{
+    int16_t faded = multiply_unit(NODE_FADED, state.fading, before);
+
+    excess = publish(NODE_EXCESS, excess > MOST_UNREST ? MOST_UNREST : excess);
+    return publish(node, faded < excess ? excess : faded);
+}
+
+/* How much motion there was lately, from C^2 + S^2 and from what the specific force is beyond gravity. */
+static void track_unrest(int16_t heading_square, int16_t force)
+{
+    int16_t field = subtract(NODE_EXCESS, heading_square, FIXED(1.0, FRAC_WIDE));
+
+    field = publish(NODE_EXCESS, magnitude_limited(field));
+    state.inconsistency = larger(NODE_INCONSISTENCY, state.inconsistency, field);
+    state.acceleration = larger(NODE_ACCELERATION, state.acceleration, force);
+    raise(INCONSISTENT, state.inconsistency > INCONSISTENCY_LIMIT);
+    raise(ACCELERATED, state.acceleration > ACCELERATION_LIMIT);
+}
+
+/* A level component of the field over its horizontal part. */
+static int16_t level(enum cardan_node node, int16_t component)
+{
+    return publish(node, multiply_round(component, calibration.inverse_horizontal, INVERSE_FRAC));
 }
 
 static int16_t yaw_of(const struct readings *r, const struct tilt *tilt, bool is_upside_down)
 {
-    int32_t dip_x = multiply_exact(NODE_DIP_PART, calibration.vertical, r->t1);
-    int32_t dip_y = multiply_exact(NODE_DIP_PART, calibration.vertical, r->t2);
+    int32_t dip_x = multiply_exact(NODE_DIP_PART, calibration.vertical, tilt->x);
+    int32_t dip_y = multiply_exact(NODE_DIP_PART, calibration.vertical, tilt->y);
     /* The level components of the field: over its horizontal part they are C cos_1 and S cos_2. */
     int32_t b1 = (int32_t)r->b1 << FRAC_UNIT;
     int32_t b2 = (int32_t)r->b2 << FRAC_UNIT;
-    int16_t level_x = publish(NODE_LEVEL_X, round_shift(b1 - dip_x, 14));
-    int16_t level_y = publish(NODE_LEVEL_Y, round_shift(dip_y - b2, 14));
-    int16_t level_cos = multiply(NODE_LEVEL_COS, level_x, calibration.inverse_horizontal);
-    int16_t level_sin = multiply(NODE_LEVEL_SIN, level_y, calibration.inverse_horizontal);
+    int16_t level_x = publish(NODE_LEVEL_X, round_shift(b1 - dip_x, FRAC_UNIT));
+    int16_t level_y = publish(NODE_LEVEL_Y, round_shift(dip_y - b2, FRAC_UNIT));
+    int16_t level_cos = level(NODE_LEVEL_COS, level_x);
+    int16_t level_sin = level(NODE_LEVEL_SIN, level_y);
     int16_t c_1 = divide(NODE_HEADING_COS_1, level_cos, tilt->cos_1, FRAC);
     int16_t s_2 = divide(NODE_HEADING_SIN_2, level_sin, tilt->cos_2, FRAC);
     int16_t twist, part, cross_1, tilts, scaled, cross_2;
+    int16_t sine, square, part_a, part_b;
     int16_t yaw_1, yaw_2, weight, difference, correction, fresh, opposite;
     bool defined;
 
     check_domain(c_1);
     check_domain(s_2);
     /* The other function of each heading, times cosines that are never negative: its sign counts. */
-    twist = multiply(NODE_TWIST_1, r->t1, tilt->sin_roll);
+    twist = multiply(NODE_TWIST_1, tilt->x, tilt->sin_roll);
     part = multiply(NODE_TWIST_PART, twist, c_1);
     cross_1 = subtract(NODE_CROSS_1, level_sin, part);
-    tilts = multiply(NODE_TILT_CROSS, r->t1, r->t2);
+    tilts = multiply(NODE_TILT_CROSS, tilt->x, tilt->y);
     scaled = multiply(NODE_TWIST_PART, level_cos, tilt->cos_2);
     part = multiply(NODE_TWIST_PART, tilts, s_2);
     cross_2 = subtract(NODE_CROSS_2, scaled, part);
@@ -322,14 +423,20 @@ static int16_t yaw_of(const struct readings *r, const struct tilt *tilt, bool is
     yaw_1 = yaw_of_set_1(c_1, cross_1 < 0);
     yaw_2 = yaw_of_set_2(s_2, cross_2 < 0, tilts, tilt);
 
-    defined = weigh(tilt, twist, c_1, cross_1, &weight);
+    /* Set 1's heading, both functions as quotients. */
+    sine = divide(NODE_HEADING_QUOTIENT, cross_1, tilt->cos_roll, FRAC);
+    part_b = multiply_unit(NODE_HEADING_PART, sine, sine);
+    part_a = multiply_unit(NODE_HEADING_PART, c_1, c_1);
+    square = add(NODE_HEADING_SQUARE, part_a, part_b);
+    defined = weigh(tilt, twist, c_1, sine, square, &weight);
     difference = publish(NODE_YAW_DIFFERENCE, subtract_wrapped(yaw_1, yaw_2));
-    correction = multiply_unit(NODE_YAW_CORRECTION, weight, difference);
+    correction = multiply(NODE_YAW_CORRECTION, weight, difference);
     fresh = publish(NODE_YAW_FRESH, add_wrapped(yaw_2, correction));
     opposite = publish(NODE_YAW_FRESH, subtract_wrapped(0, fresh));
     fresh = publish(NODE_YAW_FRESH, is_upside_down ? opposite : fresh);
     raise(YAW_HELD, !defined);
     state.yaw = publish(NODE_YAW, defined ? fresh : state.yaw);
+    track_unrest(square, tilt->excess);
     return state.yaw;
 }
 
@@ -347,36 +454,39 @@ static void track_signs(int16_t down_square, int16_t field_z_square, bool produc
 }
 
 /* The half-space, from what the readings and a third tilt axis tell of the z components. Returns whether
- * the device is upside down, as far as a third axis makes that certain. */
-static bool find_half_space(int16_t down_square, int16_t field_z_square, bool product_negative,
-                            int8_t tilt_z)
+ * the device is upside down, as far as that is known. */
+static bool find_half_space(int16_t down_square, int16_t field_z_square, bool product_negative, int16_t t3)
 {
-    /* The sum has a fractional bit less, so that it fits. */
-    int16_t z_sum = publish(NODE_VERTICAL_SUM, round_shift((int32_t)down_square + field_z_square, 1));
     bool is_steep = down_square < LEAST_DOWN;
+    int16_t z_sum;
 
+    raise(HALF_SPACE, is_steep);
+    if (calibration.third_tilt == MEASURED)
+        return t3 < 0;
     track_signs(down_square, field_z_square, product_negative);
+    /* The sum has a fractional bit less, so that it fits. */
+    z_sum = publish(NODE_VERTICAL_SUM, round_shift((int32_t)down_square + field_z_square, 1));
     if ((int32_t)z_sum * 2 < LEAST_VERTICAL)
         state.signs_lost = true;
-    if (tilt_z != 0 && !is_steep) {
-        state.down_negative = tilt_z > 0;
+    if (calibration.third_tilt == ABSENT) {
+        raise(HALF_SPACE, state.signs_lost);
+    } else if (!is_steep) {
+        state.down_negative = t3 < 0;
         state.field_z_negative = state.down_negative != product_negative;
-        state.signs_lost = false;
     }
-    raise(HALF_SPACE, is_steep || (tilt_z == 0 && (state.down_negative || state.signs_lost)));
-    return tilt_z != 0 && state.down_negative;
+    return state.down_negative;
 }
 
 /* Whether the readings agree with the Earth's field, and the half-space. */
-static bool check_validity(const struct readings *r, int16_t down_square, int8_t tilt_z)
+static bool check_validity(const struct readings *r, const struct tilt *tilt)
 {
     const uint8_t places = FRAC_SQUARE - FRAC;
     int32_t vertical = (int32_t)calibration.vertical << (FRAC_SQUARE - FRAC_UNIT);
-    int32_t part = multiply_exact(NODE_READINGS_PART, r->b1, r->t1);
+    int32_t part = multiply_exact(NODE_READINGS_PART, r->b1, tilt->x);
     int32_t sum = publish_wide(NODE_READINGS_SUM, limit31(vertical - part));
     int16_t dip_product, field_z_square, seen, expected, residual;
 
-    part = multiply_exact(NODE_READINGS_PART, r->b2, r->t2);
+    part = multiply_exact(NODE_READINGS_PART, r->b2, tilt->y);
     dip_product = publish(NODE_DIP_PRODUCT, round_shift(sum - part, places));
     part = multiply_exact(NODE_READINGS_PART, r->b1, r->b1);
     sum = publish_wide(NODE_READINGS_SUM, limit31(ONE_SQUARE - part));
@@ -384,14 +494,14 @@ static bool check_validity(const struct readings *r, int16_t down_square, int8_t
     field_z_square = publish(NODE_FIELD_Z_SQUARE, round_shift(sum - part, places));
 
     seen = multiply(NODE_RESIDUAL_PART, dip_product, dip_product);
-    expected = multiply(NODE_RESIDUAL_PART, down_square, field_z_square);
+    expected = multiply(NODE_RESIDUAL_PART, tilt->down_square, field_z_square);
     residual = subtract(NODE_RESIDUAL, seen, expected);
     residual = publish(NODE_RESIDUAL, magnitude_limited(residual));
     raise(DISTURBED, residual > RESIDUAL_LIMIT);
-    return find_half_space(down_square, field_z_square, dip_product < 0, tilt_z);
+    return find_half_space(tilt->down_square, field_z_square, dip_product < 0, r->t3);
 }
 
-void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution)
+void solve(const int16_t averages[MOST_CHANNELS], int8_t sign, struct solution *solution)
 {
     struct readings readings;
     struct tilt tilt;
@@ -399,12 +509,11 @@ void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *sol
     bool is_upside_down;
 
     flags = 0;
-    cardan_tap(NODE_TILT_Z, tilt_z);
-    readings = calibrate(averages);
+    readings = calibrate(averages, sign);
     tilt = tilt_of(&readings);
-    is_upside_down = check_validity(&readings, tilt.down_square, tilt_z);
+    is_upside_down = check_validity(&readings, &tilt);
     solution->pitch =
-        publish(NODE_PITCH, subtract_wrapped(0, angle(readings.t1, tilt.cos_1, 0)));
+        publish(NODE_PITCH, subtract_wrapped(0, angle(tilt.x, tilt.cos_1, 0)));
     roll = angle(tilt.sin_roll, tilt.cos_roll, 0);
     behind = publish(NODE_ANGLE, subtract_wrapped(HALF_TURN, roll));
     solution->roll = publish(NODE_ROLL, is_upside_down ? behind : roll);
@@ -425,9 +534,12 @@ static int16_t setting(const int32_t *word, uint8_t frac)
     return round_shift(*word, CALIBRATION_FRAC - frac);
 }
 
-void solver_start(const int32_t words[CALIBRATION_WORDS])
+void solver_start(const int32_t words[CALIBRATION_WORDS], uint8_t period_log2, enum third_tilt third_tilt)
 {
+    uint8_t shift = period_log2 < QUARTER_SECOND_LOG2 ? QUARTER_SECOND_LOG2 - period_log2 : 0;
     uint8_t i, j;
+
+    state.fading = (int16_t)((1L << FRAC_UNIT) - ((1L << FRAC_UNIT) >> shift));
 
     for (i = 0; i < 2; i++) {
         calibration.tilt_offset[i] = setting(&words[TILT_OFFSET + i], 15);
@@ -438,5 +550,8 @@ void solver_start(const int32_t words[CALIBRATION_WORDS])
         }
     }
     calibration.vertical = setting(&words[VERTICAL], 15);
-    calibration.inverse_horizontal = setting(&words[INVERSE_HORIZONTAL], 13);
+    calibration.inverse_horizontal = setting(&words[INVERSE_HORIZONTAL], INVERSE_FRAC);
+    calibration.tilt_z_offset = setting(&words[TILT_Z_OFFSET], 15);
+    calibration.tilt_z_gain = setting(&words[TILT_Z_GAIN], 14);
+    calibration.third_tilt = third_tilt;
 }

@@ -16,8 +16,13 @@
 #define LEAST_DOWN 0.03f
 #define LEAST_VERTICAL 0.1f
 #define RESIDUAL_LIMIT 0.15f
+#define INCONSISTENCY_LIMIT 0.5f
+#define ACCELERATION_LIMIT 0.25f
+#define MOST_UNREST 3.0f
+#define QUARTER_SECOND_LOG2 9
 
 static float calibration[CALIBRATION_WORDS];
+static enum third_tilt third_tilt;
 
 /* What a solution leaves to the next. */
 static struct {
@@ -26,12 +31,17 @@ static struct {
     bool field_z_negative;
     bool signs_lost;
     bool started;
+    /* The largest excess of C^2 + S^2 and of the specific force of late, and what is left of each later. */
+    float inconsistency;
+    float acceleration;
+    float fading;
 } state;
 
 static uint16_t flags;
 
+/* t3 is gravity along body z where it is measured, its sign where the comparator tells it, else 0. */
 struct readings {
-    float t1, t2, b1, b2;
+    float t1, t2, t3, b1, b2;
 };
 
 /* Sines and cosines of the tilt angles of both sets. */
@@ -39,6 +49,7 @@ struct tilt {
     float cos_1, cos_2, down;
     float sin_roll, cos_roll;
     float down_square;
+    float excess;
 };
 
 static void raise(uint16_t flag, bool condition)
@@ -61,11 +72,15 @@ static float root(float rest)
     return rest < 0 ? 0 : sqrtf(rest);
 }
 
-/* a limited to -1..1; a status bit if it is beyond by more than noise. */
+/* a limited to -1..1. */
 static float clamp(float a)
 {
-    raise(DOMAIN, a > DOMAIN_LIMIT || a < -DOMAIN_LIMIT);
     return a > 1 ? 1 : a < -1 ? -1 : a;
+}
+
+static void check_domain(float a)
+{
+    raise(DOMAIN, a > DOMAIN_LIMIT || a < -DOMAIN_LIMIT);
 }
 
 /* An angle in radians within half a turn. */
@@ -85,7 +100,7 @@ static int16_t to_half_turns(float radians)
 }
 
 /* Offsets and matrices: averages to g and to parts of the field. */
-static struct readings calibrate(const int16_t averages[CHANNELS])
+static struct readings calibrate(const int16_t averages[MOST_CHANNELS], int8_t sign)
 {
     const float *offset = calibration;
     const float *tilt = &calibration[TILT_MATRIX];
@@ -100,16 +115,36 @@ static struct readings calibrate(const int16_t averages[CHANNELS])
     y = averages[3] * (1 / FULL_SCALE) - offset[FIELD_OFFSET + 1];
     r.b1 = field[0] * x + field[1] * y;
     r.b2 = field[2] * x + field[3] * y;
+    r.t3 = sign;
+    if (third_tilt == MEASURED)
+        r.t3 = (averages[CHANNELS] * (1 / FULL_SCALE) - offset[TILT_Z_OFFSET]) * calibration[TILT_Z_GAIN];
     return r;
 }
 
-static struct tilt tilt_of(const struct readings *r)
+/* By how much the squared specific force differs from gravity's, without a third axis only upwards. Where
+ * there is one the readings become their direction. */
+static float take_direction(struct readings *r)
 {
+    float square = r->t1 * r->t1 + r->t2 * r->t2;
+    float inverse;
+
+    if (third_tilt != MEASURED)
+        return square > 1 ? square - 1 : 0;
+    square += r->t3 * r->t3;
+    inverse = divide(1, sqrtf(square));
+    r->t1 *= inverse;
+    r->t2 *= inverse;
+    r->t3 *= inverse;
+    return fabsf(square - 1);
+}
+
+static struct tilt tilt_of(struct readings *r)
+{
+    struct tilt tilt = {.excess = take_direction(r)};
     float square_1 = r->t1 * r->t1;
     float square_2 = r->t2 * r->t2;
-    struct tilt tilt;
 
-    tilt.down_square = 1 - square_1 - square_2;
+    tilt.down_square = third_tilt == MEASURED ? r->t3 * r->t3 : 1 - square_1 - square_2;
     tilt.cos_1 = root(1 - square_1);
     tilt.cos_2 = root(1 - square_2);
     tilt.down = root(tilt.down_square);
@@ -126,6 +161,25 @@ static float co_function(float a, bool negative)
     return negative ? -magnitude : magnitude;
 }
 
+/* The larger of an excess, up to the most, and what is left of the one before. */
+static float larger(float before, float excess)
+{
+    float faded = before * state.fading;
+
+    if (excess > MOST_UNREST)
+        excess = MOST_UNREST;
+    return faded < excess ? excess : faded;
+}
+
+/* How much motion there was lately, from C^2 + S^2 and from what the specific force is beyond gravity. */
+static void track_unrest(float heading_square, float force)
+{
+    state.inconsistency = larger(state.inconsistency, fabsf(heading_square - 1));
+    state.acceleration = larger(state.acceleration, force);
+    raise(INCONSISTENT, state.inconsistency > INCONSISTENCY_LIMIT);
+    raise(ACCELERATED, state.acceleration > ACCELERATION_LIMIT);
+}
+
 static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_upside_down)
 {
     float vertical = calibration[VERTICAL];
@@ -138,9 +192,11 @@ static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_u
     float twist = r->t1 * tilt->sin_roll;
     float cross_1 = level_sin - twist * c_1;
     float cross_2 = level_cos * tilt->cos_2 - tilts * s_2;
-    float yaw_1, yaw_2, cosine, roll_square, part, east_1, east_2, square_1, sum;
+    float yaw_1, yaw_2, cosine, sine_1, heading_square, east_1, east_2, square_1, sum;
     bool is_defined;
 
+    check_domain(c_1);
+    check_domain(s_2);
     /* sgn(S) acos(C). */
     yaw_1 = acosf(clamp(c_1));
     if (cross_1 < 0)
@@ -150,32 +206,28 @@ static float yaw_of(const struct readings *r, const struct tilt *tilt, bool is_u
     cosine = co_function(s_2, cross_2 < 0);
     yaw_2 = atan2f(tilt->down * s_2 - tilts * cosine, tilt->down * cosine + tilts * s_2);
 
-    /* The weights, times cos_roll^2 (S^2 + C^2). */
-    roll_square = tilt->cos_roll * tilt->cos_roll;
-    part = roll_square * c_1;
-    east_1 = tilt->cos_1 * cross_1;
-    east_2 = part - twist * cross_1;
+    /* Set 1's heading, both functions as quotients, and the weights times C^2 + S^2. */
+    sine_1 = divide(cross_1, tilt->cos_roll);
+    heading_square = c_1 * c_1 + sine_1 * sine_1;
+    east_1 = tilt->cos_1 * sine_1;
+    east_2 = tilt->cos_roll * c_1 - twist * sine_1;
     square_1 = east_1 * east_1;
     sum = square_1 + east_2 * east_2;
-    is_defined = sum >= LEAST_EAST * (cross_1 * cross_1 + part * c_1);
+    is_defined = sum >= LEAST_EAST * heading_square;
     raise(YAW_HELD, !is_defined);
     if (is_defined) {
         state.yaw = wrap(yaw_2 + divide(square_1, sum) * wrap(yaw_1 - yaw_2));
         if (is_upside_down)
             state.yaw = -state.yaw;
     }
+    track_unrest(heading_square, tilt->excess);
     return state.yaw;
 }
 
-/* Half-space, and whether the readings agree with the Earth's field. Returns whether the device is upside
- * down, as far as a third tilt axis makes that certain. */
-static bool check_validity(const struct readings *r, float down_square, int8_t tilt_z)
+/* The signs of the z components of gravity and field: the one farther from zero keeps its sign, and
+ * the sign of their product is seen. */
+static void track_signs(float down_square, float field_z_square, bool product_negative)
 {
-    float dip_product = calibration[VERTICAL] - r->b1 * r->t1 - r->b2 * r->t2;
-    float field_z_square = 1 - r->b1 * r->b1 - r->b2 * r->b2;
-    bool product_negative = dip_product < 0;
-    bool is_steep = down_square < LEAST_DOWN;
-
     if (!state.started)
         state.field_z_negative = product_negative;
     else if (down_square < field_z_square)
@@ -183,20 +235,34 @@ static bool check_validity(const struct readings *r, float down_square, int8_t t
     else
         state.field_z_negative = state.down_negative != product_negative;
     state.started = true;
-    if (down_square + field_z_square < LEAST_VERTICAL)
-        state.signs_lost = true;
-    if (tilt_z != 0 && !is_steep) {
-        state.down_negative = tilt_z > 0;
-        state.field_z_negative = state.down_negative != product_negative;
-        state.signs_lost = false;
-    }
-    raise(HALF_SPACE, is_steep || (tilt_z == 0 && (state.down_negative || state.signs_lost)));
-    raise(DISTURBED,
-          fabsf(dip_product * dip_product - down_square * field_z_square) > RESIDUAL_LIMIT);
-    return tilt_z != 0 && state.down_negative;
 }
 
-void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution)
+/* Half-space, and whether the readings agree with the Earth's field. Returns whether the device is upside
+ * down, as far as that is known. */
+static bool check_validity(const struct readings *r, float down_square)
+{
+    float dip_product = calibration[VERTICAL] - r->b1 * r->t1 - r->b2 * r->t2;
+    float field_z_square = 1 - r->b1 * r->b1 - r->b2 * r->b2;
+    bool is_steep = down_square < LEAST_DOWN;
+
+    raise(DISTURBED,
+          fabsf(dip_product * dip_product - down_square * field_z_square) > RESIDUAL_LIMIT);
+    raise(HALF_SPACE, is_steep);
+    if (third_tilt == MEASURED)
+        return r->t3 < 0;
+    track_signs(down_square, field_z_square, dip_product < 0);
+    if (down_square + field_z_square < LEAST_VERTICAL)
+        state.signs_lost = true;
+    if (third_tilt == ABSENT) {
+        raise(HALF_SPACE, state.signs_lost);
+    } else if (!is_steep) {
+        state.down_negative = r->t3 < 0;
+        state.field_z_negative = state.down_negative != (dip_product < 0);
+    }
+    return state.down_negative;
+}
+
+void solve(const int16_t averages[MOST_CHANNELS], int8_t sign, struct solution *solution)
 {
     struct readings readings;
     struct tilt tilt;
@@ -204,9 +270,9 @@ void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *sol
     bool is_upside_down;
 
     flags = 0;
-    readings = calibrate(averages);
+    readings = calibrate(averages, sign);
     tilt = tilt_of(&readings);
-    is_upside_down = check_validity(&readings, tilt.down_square, tilt_z);
+    is_upside_down = check_validity(&readings, tilt.down_square);
     solution->pitch = to_half_turns(-asinf(clamp(readings.t1)));
     roll = asinf(clamp(tilt.sin_roll));
     solution->roll = to_half_turns(is_upside_down ? PI - roll : roll);
@@ -222,10 +288,13 @@ void solver_set_upright(void)
     state.started = false;
 }
 
-void solver_start(const int32_t words[CALIBRATION_WORDS])
+void solver_start(const int32_t words[CALIBRATION_WORDS], uint8_t period_log2, enum third_tilt fitted)
 {
+    uint8_t shift = period_log2 < QUARTER_SECOND_LOG2 ? QUARTER_SECOND_LOG2 - period_log2 : 0;
     uint8_t i;
 
+    third_tilt = fitted;
+    state.fading = 1 - ldexpf(1, -shift);
     for (i = 0; i < CALIBRATION_WORDS; i++)
         calibration[i] = ldexpf(words[i], -CALIBRATION_FRAC);
 }

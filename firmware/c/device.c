@@ -140,7 +140,7 @@ static void start_averaging(uint8_t log2, uint8_t period_log2)
 }
 
 struct averages {
-    int16_t values[CHANNELS]; /* over full scale, with 15 fractional bits */
+    int16_t values[MOST_CHANNELS]; /* over full scale, with 15 fractional bits; the last is always 0 */
     bool is_clipped;
     bool is_late;
 };
@@ -152,6 +152,7 @@ static void average(struct averages *averages)
     uint16_t left;
     uint8_t channel;
 
+    averages->values[CHANNELS] = 0;
     averages->is_clipped = false;
     averages->is_late = false;
     for (left = period; left > 0; left--) {
@@ -308,8 +309,7 @@ static void send_text(uint16_t sequence, const struct solution *solution)
 /* ---- Settings: from EEPROM, else nominal sensors at the reference site. ---- */
 
 #define MAGIC 0xCA1D
-#define VERSION 3
-#define THIRD_TILT 1 /* an option: a third tilt axis is at the comparator */
+#define VERSION 4
 
 struct calibration_image {
     uint16_t magic;
@@ -328,10 +328,9 @@ static const int32_t NOMINAL[CALIBRATION_WORDS] = {
     -262144, -262144,
     344059800, 0, 0, 344059800,   /* 60 uT at full scale over 46.812 uT */
     136672021, 231036156,         /* cosine and sine of the inclination */
-    527230031                     /* 1 / cosine */
+    527230031,                    /* 1 / cosine */
+    -262144, -322122547           /* tilt z */
 };
-
-static bool has_third_tilt;
 
 /* Starts the solver; returns the status bits that every frame gets. */
 static uint16_t start_solver(void)
@@ -341,14 +340,14 @@ static uint16_t start_solver(void)
     eeprom_read_block(&image, (const void *)0, sizeof image);
     if (image.magic == MAGIC && image.version == VERSION && image.count == CALIBRATION_WORDS &&
         image.averaging_log2 <= image.period_log2 && image.period_log2 >= LEAST_PERIOD_LOG2 &&
-        image.period_log2 <= MOST_LOG2 && image.crc == crc16((const uint8_t *)&image, sizeof image - sizeof image.crc)) {
+        image.period_log2 <= MOST_LOG2 && image.options <= COMPARATOR &&
+        image.crc == crc16((const uint8_t *)&image, sizeof image - sizeof image.crc)) {
         start_averaging(image.averaging_log2, image.period_log2);
-        has_third_tilt = image.options & THIRD_TILT;
-        solver_start(image.words);
+        solver_start(image.words, image.period_log2, image.options);
         return 0;
     }
     start_averaging(LEAST_PERIOD_LOG2, LEAST_PERIOD_LOG2);
-    solver_start(NOMINAL);
+    solver_start(NOMINAL, LEAST_PERIOD_LOG2, ABSENT);
     return UNCALIBRATED;
 }
 
@@ -418,12 +417,10 @@ static bool obey(bool is_text)
     return is_text;
 }
 
-/* The third tilt axis: AIN0 above AIN1, mid supply, is upside down. */
-static int8_t tilt_z(void)
+/* The third tilt axis at the comparator: AIN0 above AIN1, mid supply, is upside down. */
+static int8_t sign_of_z(void)
 {
-    if (!has_third_tilt)
-        return 0;
-    return ACSR & _BV(ACO) ? 1 : -1;
+    return ACSR & _BV(ACO) ? -1 : 1;
 }
 
 int main(void)
@@ -447,7 +444,7 @@ int main(void)
         average(&averages);
         is_text = obey(is_text);
         PORTB |= _BV(PB5);
-        solve(averages.values, tilt_z(), &solution);
+        solve(averages.values, sign_of_z(), &solution);
         solution.flags |= always;
         if (averages.is_clipped)
             solution.flags |= SATURATION;

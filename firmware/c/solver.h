@@ -7,8 +7,10 @@
 
 /* Sensor channels in conversion order: tilt x, tilt y, field x, field y. */
 #define CHANNELS 4
+/* And tilt z, where it is measured. */
+#define MOST_CHANNELS 5
 /* Calibration words, with CALIBRATION_FRAC fractional bits. */
-#define CALIBRATION_WORDS 15
+#define CALIBRATION_WORDS 17
 #define CALIBRATION_FRAC 28
 
 /* Order of the calibration words; the matrices are row by row. */
@@ -19,18 +21,25 @@ enum {
     FIELD_MATRIX = 8,
     HORIZONTAL = 12,
     VERTICAL = 13,
-    INVERSE_HORIZONTAL = 14
+    INVERSE_HORIZONTAL = 14,
+    TILT_Z_OFFSET = 15,
+    TILT_Z_GAIN = 16
 };
+
+/* The third tilt axis, as in the settings. */
+enum third_tilt { ABSENT = 0, COMPARATOR = 1, MEASURED = 2 };
 
 /* Status bits of a frame. */
 enum {
     SATURATION = 1 << 0,   /* a code stood at either end of the scale */
-    HALF_SPACE = 1 << 1,   /* the sign of gravity along body z is not known, or upside down */
+    HALF_SPACE = 1 << 1,   /* the sign of gravity along body z is not known */
     DISTURBED = 1 << 2,    /* the readings contradict the Earth's field */
     UNCALIBRATED = 1 << 3, /* no calibration in EEPROM: nominal values */
     DOMAIN = 1 << 4,       /* an inverse function's argument beyond 1 by more than noise, or x / 0 */
     LATE = 1 << 5,         /* a conversion or a solution came late */
-    YAW_HELD = 1 << 6      /* yaw is undefined here; the last one is repeated */
+    YAW_HELD = 1 << 6,     /* yaw is undefined here; the last one is repeated */
+    INCONSISTENT = 1 << 7, /* the readings contradict each other, or did a moment ago */
+    ACCELERATED = 1 << 8   /* a force of motion acts, or did a moment ago */
 };
 
 struct solution {
@@ -40,12 +49,14 @@ struct solution {
     uint16_t flags;
 };
 
-/* Call once, before the others. */
-void solver_start(const int32_t calibration[CALIBRATION_WORDS]);
+/* Call once, before the others: the calibration, log2 of the conversions per channel from one solution to
+ * the next, and the third tilt axis. */
+void solver_start(const int32_t calibration[CALIBRATION_WORDS], uint8_t period_log2, enum third_tilt third_tilt);
 /* Somebody knows that the device is upright now. */
 void solver_set_upright(void);
-/* The attitude from one solution's averages over full scale, with 15 fractional bits, and from what a
- * third tilt axis tells: 1 upside down, -1 upright, 0 if none is fitted. */
-void solve(const int16_t averages[CHANNELS], int8_t tilt_z, struct solution *solution);
+/* The attitude from one solution's averages over full scale, with 15 fractional bits (the last is tilt z,
+ * where it is measured), and from what the comparator tells of gravity along body z, if a third tilt axis
+ * is there: 1 upright, -1 upside down. */
+void solve(const int16_t averages[MOST_CHANNELS], int8_t sign, struct solution *solution);
 
 #endif

@@ -6,16 +6,16 @@
 //! the count that a block is complete. The main loop adds the blocks that count to a wide sum.
 
 use cardan_datapath::{Arithmetic, Value};
-use cardan_spec::CHANNELS;
-use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
+use cardan_spec::MOST_CHANNELS;
+use cardan_spec::timing::{Averaging, BLOCK_ROUNDS, WARM_UP_BLOCKS};
 use cardan_units::AdcCode;
 
 use crate::nodes::{Accumulator, Average, Block, Mean, Sample};
 
 /// Sums of a block's conversions.
 pub struct Sums<M: Arithmetic> {
-    /// Sum of the bipolar codes per channel, in conversion order.
-    pub sums: [Value<M, Accumulator>; CHANNELS],
+    /// Sum of the bipolar codes per channel, in conversion order; 0 where there is no such channel.
+    pub sums: [Value<M, Accumulator>; MOST_CHANNELS],
     /// A code stood at either end of the scale.
     pub clipped: bool,
     /// A conversion or a block was late since the last block.
@@ -24,8 +24,9 @@ pub struct Sums<M: Arithmetic> {
 
 /// Averages of a solution's conversions.
 pub struct Averages<M: Arithmetic> {
-    /// Over full scale, per channel, in conversion order.
-    pub values: [Value<M, Average>; CHANNELS],
+    /// Over full scale, per channel, in conversion order: the last is the third tilt axis where it is
+    /// measured, else 0.
+    pub values: [Value<M, Average>; MOST_CHANNELS],
     /// A code stood at either end of the scale.
     pub clipped: bool,
     /// A conversion or a block was late since the last solution.
@@ -37,37 +38,36 @@ impl cardan_datapath::Constant for Zero {
     const VALUE: f64 = 0.0;
 }
 
-const BANKS: u8 = 2;
-const SUMS: usize = BANKS as usize * CHANNELS;
-const PER_BLOCK: u8 = BLOCK_CONVERSIONS as u8;
+/// Places of a round, of which the channels take the first: a power of two, whatever their number.
+const ROUND: u8 = 8;
+/// Places of a block.
+const BLOCK: u8 = ROUND * BLOCK_ROUNDS as u8;
+const BANKS: usize = 2;
+const SUMS: usize = BANKS * ROUND as usize;
 
-/// Number of a conversion since the start, modulo 256.
-#[derive(Clone, Copy)]
+/// Place of a conversion in two blocks: bit 7 tells the block, bits 3 to 6 the round, 0 to 2 the channel.
+#[derive(Clone, Copy, PartialEq, Eq)]
 pub struct Turn(u8);
 
 impl Turn {
-    /// The channel of the conversion after it.
+    /// The channel.
     #[must_use]
-    pub const fn next_channel(self) -> u8 {
-        self.0.wrapping_add(1) % CHANNELS as u8
+    #[inline(always)]
+    pub const fn channel(self) -> u8 {
+        self.0 % ROUND
     }
 
-    /// The block that it belongs to, modulo 256 / [`BLOCK_CONVERSIONS`].
-    const fn block(self) -> u8 {
-        self.0 / PER_BLOCK
+    /// Its block's bank.
+    const fn bank(self) -> u8 {
+        self.0 / BLOCK
     }
 
     /// Where its sum is.
     #[inline(always)]
     const fn at(self) -> usize {
-        let channel = self.0 % CHANNELS as u8;
-        let odd = self.0 & PER_BLOCK != 0;
-        (if odd {
-            channel | CHANNELS as u8
-        } else {
-            channel
-        }) as usize
-            % SUMS
+        let channel = self.channel();
+        let odd = self.0 & BLOCK != 0;
+        (if odd { channel | ROUND } else { channel }) as usize % SUMS
     }
 }
 
@@ -76,12 +76,16 @@ pub struct Averager<M: Arithmetic> {
     sums: [Value<M, Accumulator>; SUMS],
     /// The last conversion with a code at either end of the scale, or the one after it; 0: none.
     clipped: u8,
-    /// Number of the next conversion.
+    /// The next conversion.
     turn: Turn,
-    /// The first conversion of a block that is summed; none of the warm-up's is.
+    /// Channels that are converted.
+    channels: u8,
+    /// The first place of a block that is summed; none of the warm-up's is.
     first: u8,
+    /// Blocks that have ended, modulo 256.
+    ended: u8,
     late: bool,
-    /// Of the main loop: the block whose end it waits for, modulo as in [`Turn::block`].
+    /// Of the main loop: the block whose end it waits for, modulo 256.
     awaited: u8,
     /// Of the main loop: blocks still to be ignored while the analog filters settle.
     warm_up: u8,
@@ -93,19 +97,23 @@ impl<M: Arithmetic> Averager<M> {
     /// Starts with the warm-up.
     pub fn new(m: &M, averaging: Averaging) -> Self {
         const {
-            // The count wraps with the banks, and tells blocks apart while one is late.
-            assert!(BLOCK_CONVERSIONS.is_power_of_two() && BLOCK_CONVERSIONS <= 64);
-            assert!(CHANNELS.is_power_of_two() && WARM_UP_BLOCKS < 256);
+            // The places wrap with the banks.
+            assert!(
+                BANKS * BLOCK as usize == 256 && BLOCK_ROUNDS * ROUND as usize == BLOCK as usize
+            );
+            assert!(MOST_CHANNELS <= ROUND as usize && WARM_UP_BLOCKS < 256);
         }
         Self {
             sums: [m.constant::<Accumulator, Zero>(); SUMS],
             clipped: 0,
             turn: Turn(0),
-            first: PER_BLOCK,
+            channels: averaging.channels() as u8,
+            first: BLOCK,
+            ended: 0,
             late: false,
             awaited: 0,
             warm_up: WARM_UP_BLOCKS as u8,
-            first_summed: PER_BLOCK - averaging.summed_conversions() as u8,
+            first_summed: BLOCK - ROUND * averaging.summed_rounds() as u8,
         }
     }
 
@@ -121,11 +129,25 @@ impl<M: Arithmetic> Averager<M> {
         self.late = true;
     }
 
+    /// Goes on to the conversion after `turn`, which is the next one's, and returns it. Its block is
+    /// complete with [`Averager::add`], so that [`Averager::take`] must not come between.
+    #[inline(always)]
+    pub fn advance(&mut self, turn: Turn) -> Turn {
+        let mut next = turn.0 + 1;
+        if next % ROUND == self.channels {
+            next = (next | (ROUND - 1)).wrapping_add(1);
+            if next % BLOCK == 0 {
+                self.ended = self.ended.wrapping_add(1);
+            }
+        }
+        self.turn = Turn(next);
+        self.turn
+    }
+
     /// Adds the conversion of `turn`.
     #[inline(always)]
     pub fn add(&mut self, m: &M, turn: Turn, code: AdcCode) {
-        self.turn = Turn(turn.0.wrapping_add(1));
-        if turn.0 % PER_BLOCK < self.first {
+        if turn.0 % BLOCK < self.first {
             return;
         }
         // First, so that the interrupt needs the turn no longer when it adds.
@@ -137,18 +159,16 @@ impl<M: Arithmetic> Averager<M> {
         *sum = m.add(*sum, sample);
     }
 
-    /// The sums of a complete block, once. Call at least once per block, and not while
-    /// [`Averager::add`] may interrupt it. (Sums that nobody takes are added to those of the next block
+    /// The sums of a complete block, once. Call at least once per block, and not while the conversions'
+    /// interrupt may come. (Sums that nobody takes are added to those of the next block
     /// but one, which is marked late.)
     pub fn take(&mut self, m: &M) -> Option<Sums<M>> {
-        const BLOCKS: u8 = (256 / BLOCK_CONVERSIONS) as u8;
-        let ended = self.turn.block().wrapping_sub(self.awaited) % BLOCKS;
+        let ended = self.ended.wrapping_sub(self.awaited);
         if ended == 0 {
             return None;
         }
-        let last = self.turn.block().wrapping_sub(1) % BLOCKS;
-        let bank = usize::from(self.awaited % BANKS);
-        self.awaited = self.turn.block();
+        let bank = usize::from(self.awaited) % BANKS;
+        self.awaited = self.ended;
         if self.warm_up > 0 {
             self.warm_up = self.warm_up.saturating_sub(ended);
             if self.warm_up == 0 {
@@ -158,14 +178,15 @@ impl<M: Arithmetic> Averager<M> {
             self.late = false;
             return None;
         }
-        let mut sums = [m.constant::<Accumulator, Zero>(); CHANNELS];
-        let filled = self.sums.chunks_exact_mut(CHANNELS).nth(bank);
+        let mut sums = [m.constant::<Accumulator, Zero>(); MOST_CHANNELS];
+        let filled = self.sums.chunks_exact_mut(ROUND.into()).nth(bank);
         for (sum, into) in filled.into_iter().flatten().zip(&mut sums) {
             *into = *sum;
             *sum = m.constant::<Accumulator, Zero>();
         }
         let clipped = self.clipped != 0;
-        if Turn(self.clipped).block() == last {
+        // Of the block that is being filled now it is not.
+        if Turn(self.clipped).bank() != self.turn.bank() {
             self.clipped = 0;
         }
         let late = core::mem::take(&mut self.late) || ended > 1;
@@ -179,7 +200,8 @@ impl<M: Arithmetic> Averager<M> {
 
 /// Adds the blocks that count to the averages of a solution. All of it is the main loop's.
 pub struct Window<M: Arithmetic> {
-    means: [Value<M, Mean>; CHANNELS],
+    means: [Value<M, Mean>; MOST_CHANNELS],
+    channels: u8,
     clipped: bool,
     late: bool,
     /// Blocks to come in this period.
@@ -196,7 +218,8 @@ impl<M: Arithmetic> Window<M> {
     pub fn new(m: &M, averaging: Averaging) -> Self {
         let period = averaging.blocks() as u16;
         Self {
-            means: [m.constant::<Mean, Zero>(); CHANNELS],
+            means: [m.constant::<Mean, Zero>(); MOST_CHANNELS],
+            channels: averaging.channels() as u8,
             clipped: false,
             late: false,
             left: period,
@@ -210,9 +233,10 @@ impl<M: Arithmetic> Window<M> {
     #[inline(never)]
     pub fn add(&mut self, m: &M, block: &Sums<M>) -> Option<Averages<M>> {
         self.late |= block.late;
+        let channels = usize::from(self.channels);
         if self.left <= self.counted {
             self.clipped |= block.clipped;
-            for (mean, &sum) in self.means.iter_mut().zip(&block.sums) {
+            for (mean, &sum) in self.means.iter_mut().zip(&block.sums).take(channels) {
                 let part: Value<M, Block> = m
                     .scale::<Block, Accumulator, LEAST_SCALE, { SCALE as i32 }>(
                         sum,
@@ -226,8 +250,8 @@ impl<M: Arithmetic> Window<M> {
             return None;
         }
         self.left = self.period;
-        let mut values = [m.constant::<Average, Zero>(); CHANNELS];
-        for (average, mean) in values.iter_mut().zip(&mut self.means) {
+        let mut values = [m.constant::<Average, Zero>(); MOST_CHANNELS];
+        for (average, mean) in values.iter_mut().zip(&mut self.means).take(channels) {
             *average = m.shift::<Average, Mean, 0>(*mean);
             *mean = m.constant::<Mean, Zero>();
         }
@@ -261,7 +285,9 @@ impl<M: Arithmetic> Decimator<M> {
 
     /// Adds the next conversion; the averages when a solution's conversions are complete.
     pub fn push(&mut self, m: &M, code: AdcCode) -> Option<Averages<M>> {
-        self.averager.add(m, self.averager.turn(), code);
+        let turn = self.averager.turn();
+        self.averager.advance(turn);
+        self.averager.add(m, turn, code);
         let block = self.averager.take(m)?;
         self.window.add(m, &block)
     }

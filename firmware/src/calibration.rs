@@ -1,8 +1,9 @@
 //! Settings from EEPROM: averaging, and the calibration in the datapath's formats.
 
 use cardan_datapath::{Arithmetic, Node, Value};
+use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::{
-    AVERAGING_AT, FRAC, LEN, MAGIC, OPTIONS_AT, PERIOD_AT, THIRD_TILT, VERSION, WORDS, WORDS_AT,
+    AVERAGING_AT, FRAC, LEN, MAGIC, OPTIONS_AT, PERIOD_AT, VERSION, WORDS, WORDS_AT,
 };
 use cardan_spec::timing::Averaging;
 
@@ -14,10 +15,10 @@ use crate::nodes::{FieldGain, InverseHorizontal, Offset, TiltGain, Vertical};
 pub struct Settings {
     /// Calibration, in the order and format of the EEPROM image.
     pub words: [i32; WORDS],
-    /// Lengths of averages and periods.
+    /// Lengths of averages and periods, and the channels of `third_tilt`.
     pub averaging: Averaging,
-    /// A third tilt axis is fitted.
-    pub third_tilt: bool,
+    /// The third tilt axis.
+    pub third_tilt: ThirdTilt,
     /// There is no valid image: these are the nominal values.
     pub uncalibrated: bool,
 }
@@ -30,12 +31,12 @@ impl Settings {
         let mut settings = Self {
             words: NOMINAL,
             averaging: Averaging::DEFAULT,
-            third_tilt: false,
+            third_tilt: ThirdTilt::Absent,
             uncalibrated: true,
         };
-        if let Some(averaging) = valid(image) {
-            settings.averaging = averaging;
-            settings.third_tilt = image[OPTIONS_AT] & THIRD_TILT != 0;
+        if let Some((averaging, third_tilt)) = valid(image) {
+            settings.averaging = averaging.with(third_tilt);
+            settings.third_tilt = third_tilt;
             settings.uncalibrated = false;
             let bytes = image[WORDS_AT..].chunks_exact(4);
             for (word, bytes) in settings.words.iter_mut().zip(bytes) {
@@ -54,7 +55,7 @@ impl Settings {
         image[3] = WORDS as u8;
         image[AVERAGING_AT] = self.averaging.log2();
         image[PERIOD_AT] = self.averaging.period_log2();
-        image[OPTIONS_AT] = if self.third_tilt { THIRD_TILT } else { 0 };
+        image[OPTIONS_AT] = self.third_tilt as u8;
         for (bytes, word) in image[WORDS_AT..].chunks_exact_mut(4).zip(&self.words) {
             bytes.copy_from_slice(&word.to_le_bytes());
         }
@@ -64,8 +65,8 @@ impl Settings {
     }
 }
 
-/// The averaging of an image whose magic, version, length, values and checksum are right.
-fn valid(image: &[u8; LEN]) -> Option<Averaging> {
+/// The averaging and the option of an image whose magic, version, length, values and checksum are right.
+fn valid(image: &[u8; LEN]) -> Option<(Averaging, ThirdTilt)> {
     let stored = u16::from_le_bytes([image[LEN - 2], image[LEN - 1]]);
     let header = u16::from_le_bytes([image[0], image[1]]) == MAGIC
         && image[2] == VERSION
@@ -73,7 +74,8 @@ fn valid(image: &[u8; LEN]) -> Option<Averaging> {
     if !header || crc16(&image[..LEN - 2]) != stored {
         return None;
     }
-    Averaging::new(image[AVERAGING_AT], image[PERIOD_AT])
+    let averaging = Averaging::new(image[AVERAGING_AT], image[PERIOD_AT])?;
+    Some((averaging, ThirdTilt::from_options(image[OPTIONS_AT])?))
 }
 
 const fn word(value: f64) -> i32 {
@@ -111,10 +113,12 @@ pub const NOMINAL: [i32; WORDS] = {
         word(COS),
         word(SIN),
         word(1.0 / COS),
+        word(OFFSET),
+        word(TILT),
     ]
 };
 
-/// A word in its node's format. Not inlined: twelve of them share three formats.
+/// A word in its node's format. Not inlined: fourteen of them share three formats.
 #[inline(never)]
 fn setting<M: Arithmetic, N: Node>(m: &M, word: i32) -> Value<M, N> {
     m.parameter::<N, FRAC>(word)
@@ -128,11 +132,14 @@ pub struct Calibration<M: Arithmetic> {
     pub(crate) field_gain: [[Value<M, FieldGain>; 2]; 2],
     pub(crate) vertical: Value<M, Vertical>,
     pub(crate) inverse_horizontal: Value<M, InverseHorizontal>,
+    pub(crate) tilt_z_offset: Value<M, Offset>,
+    pub(crate) tilt_z_gain: Value<M, TiltGain>,
+    pub(crate) third_tilt: ThirdTilt,
 }
 
 impl<M: Arithmetic> Calibration<M> {
-    /// Rounds the words into the datapath's formats.
-    pub fn new(m: &M, words: &[i32; WORDS]) -> Self {
+    /// Rounds the words into the datapath's formats. `third_tilt` is constant in a run.
+    pub fn new(m: &M, words: &[i32; WORDS], third_tilt: ThirdTilt) -> Self {
         let offset = |index: usize| setting::<M, Offset>(m, words[index]);
         let tilt = |index: usize| setting::<M, TiltGain>(m, words[index]);
         let field = |index: usize| setting::<M, FieldGain>(m, words[index]);
@@ -143,6 +150,9 @@ impl<M: Arithmetic> Calibration<M> {
             field_gain: [[field(8), field(9)], [field(10), field(11)]],
             vertical: setting(m, words[13]),
             inverse_horizontal: setting(m, words[14]),
+            tilt_z_offset: offset(15),
+            tilt_z_gain: tilt(16),
+            third_tilt,
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use cardan_datapath::fixed::traits::Fixed;
 use cardan_datapath::{Arithmetic, Container, Deployed, Node, Tap, Value};
-use cardan_spec::{flags, frame as layout};
+use cardan_spec::{ThirdTilt, flags, frame as layout};
 use embedded_hal::digital::OutputPin;
 
 use crate::attitude::{State, solve};
@@ -21,7 +21,8 @@ pub fn sample<M: Arithmetic>(m: &M, averager: &mut Averager<M>, adc: &mut impl T
         averager.note_late();
     }
     let turn = averager.turn();
-    adc.select(turn.next_channel());
+    let next = averager.advance(turn);
+    adc.select(next.channel());
     averager.add(m, turn, code);
 }
 
@@ -39,8 +40,8 @@ impl<T: Tap> Solver<T> {
     #[inline(never)]
     pub fn new(tap: T, settings: &Settings) -> Self {
         let m = Deployed::new(tap);
-        let calibration = Calibration::new(&m, &settings.words);
-        let state = State::new(&m);
+        let calibration = Calibration::new(&m, &settings.words, settings.third_tilt);
+        let state = State::new(&m, settings.averaging);
         Self {
             m,
             calibration,
@@ -60,17 +61,11 @@ impl<T: Tap> Solver<T> {
         &self.m
     }
 
-    /// Computes one solution. `tilt_z` is what the third tilt axis tells: 1 upside down, -1 upright, 0 if
-    /// none is fitted.
+    /// Computes one solution. `sign` is what the comparator tells of gravity along body z, if the third
+    /// tilt axis is there: 1 upright, -1 upside down.
     #[inline(never)]
-    pub fn solve(&mut self, averages: &Averages<Deployed<T>>, tilt_z: i8) -> Frame {
-        let angles = solve(
-            &self.m,
-            &self.calibration,
-            &mut self.state,
-            averages,
-            tilt_z,
-        );
+    pub fn solve(&mut self, averages: &Averages<Deployed<T>>, sign: i8) -> Frame {
+        let angles = solve(&self.m, &self.calibration, &mut self.state, averages, sign);
         let mut status = self.m.take_status();
         if averages.late {
             status |= flags::LATE;
@@ -81,6 +76,7 @@ impl<T: Tap> Solver<T> {
         let frame = Frame {
             sequence: self.sequence,
             averages: averages.values.map(word),
+            third: self.calibration.third_tilt == ThirdTilt::Measured,
             angles: [word(angles.yaw), word(angles.pitch), word(angles.roll)],
             flags: status,
         };
@@ -120,10 +116,10 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
         }
     }
 
-    /// Solves and sends; `tilt_z` as for [`Solver::solve`]. Returns false if the line was still busy and
+    /// Solves and sends; `sign` as for [`Solver::solve`]. Returns false if the line was still busy and
     /// the frame was not sent.
     #[inline(never)]
-    pub fn solution(&mut self, averages: &Averages<Deployed<T>>, tilt_z: i8) -> bool {
+    pub fn solution(&mut self, averages: &Averages<Deployed<T>>, sign: i8) -> bool {
         match self.serial.receive() {
             Some(layout::COMMAND_TEXT) => self.text = true,
             Some(layout::COMMAND_BINARY) => self.text = false,
@@ -133,7 +129,7 @@ impl<T: Tap, S: Serial, P: OutputPin> Device<T, S, P> {
         }
         // A pin of the reference boards cannot fail.
         let _ = self.solving.set_high();
-        let frame = self.solver.solve(averages, tilt_z);
+        let frame = self.solver.solve(averages, sign);
         let _ = self.solving.set_low();
         if self.text {
             self.send_text(&frame)

@@ -1,7 +1,7 @@
 //! Frames on the serial line, binary and text. Layout: [`cardan_spec::frame`].
 
-use cardan_spec::CHANNELS;
-use cardan_spec::frame::{DELIMITER, PAYLOAD_LEN, WIRE_LEN};
+use cardan_spec::frame::{DELIMITER, MOST_PAYLOAD_LEN, MOST_WIRE_LEN};
+use cardan_spec::{CHANNELS, MOST_CHANNELS};
 use heapless::Vec;
 
 /// Longest text line with its end.
@@ -13,7 +13,9 @@ pub struct Frame {
     /// Number of the solution, modulo 2^16.
     pub sequence: u16,
     /// Average per channel over full scale with 15 fractional bits.
-    pub averages: [i16; CHANNELS],
+    pub averages: [i16; MOST_CHANNELS],
+    /// The third tilt axis is measured: the last average is its own.
+    pub third: bool,
     /// Yaw, pitch, roll in half turns with 15 fractional bits.
     pub angles: [i16; 3],
     /// Status bits.
@@ -36,26 +38,29 @@ pub fn crc16(bytes: &[u8]) -> u16 {
 impl Frame {
     /// The bytes before encoding, with the checksum.
     #[must_use]
-    pub fn payload(&self) -> [u8; PAYLOAD_LEN] {
-        let mut payload = [0; PAYLOAD_LEN];
-        let words = [self.sequence]
-            .into_iter()
-            .chain(self.averages.iter().map(|&average| average as u16))
-            .chain(self.angles.iter().map(|&angle| angle as u16))
-            .chain([self.flags]);
-        for (bytes, word) in payload.chunks_exact_mut(2).zip(words) {
-            bytes.copy_from_slice(&word.to_le_bytes());
+    pub fn payload(&self) -> Vec<u8, MOST_PAYLOAD_LEN> {
+        let mut payload = Vec::new();
+        let mut put = |word: u16| {
+            let _ = payload.extend_from_slice(&word.to_le_bytes());
+        };
+        put(self.sequence);
+        let (channels, third) = self.averages.split_at(CHANNELS);
+        channels.iter().for_each(|&average| put(average as u16));
+        self.angles.iter().for_each(|&angle| put(angle as u16));
+        put(self.flags);
+        if self.third {
+            third.iter().for_each(|&average| put(average as u16));
         }
-        let crc = crc16(&payload[..PAYLOAD_LEN - 2]);
-        payload[PAYLOAD_LEN - 2..].copy_from_slice(&crc.to_le_bytes());
+        let crc = crc16(&payload);
+        let _ = payload.extend_from_slice(&crc.to_le_bytes());
         payload
     }
 
     /// The bytes on the wire: COBS and the delimiter.
     #[must_use]
-    pub fn encode(&self) -> Vec<u8, WIRE_LEN> {
+    pub fn encode(&self) -> Vec<u8, MOST_WIRE_LEN> {
         let mut wire = Vec::new();
-        // A payload of 20 bytes never reaches COBS's 254-byte blocks. The capacity is exact, so that
+        // A payload of 22 bytes never reaches COBS's 254-byte blocks. The capacity is exact, so that
         // pushing cannot fail.
         let mut start = 0;
         let _ = wire.push(1);
@@ -126,11 +131,15 @@ fn decimal(line: &mut Vec<u8, TEXT_LEN>, value: i32) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use cardan_spec::frame::{PAYLOAD_LEN, WIRE_OVERHEAD};
 
-    fn frame(sequence: u16, word: i16) -> Frame {
+    fn frame(sequence: u16, word: i16, third: bool) -> Frame {
+        let mut averages = [word; MOST_CHANNELS];
+        averages[CHANNELS] = if third { word / 2 } else { 0 };
         Frame {
             sequence,
-            averages: [word; CHANNELS],
+            averages,
+            third,
             angles: [0, word, -word],
             flags: 0x55,
         }
@@ -143,15 +152,22 @@ mod tests {
 
     proptest::proptest! {
         #[test]
-        fn a_frame_decodes_with_an_independent_cobs_and_crc(sequence: u16, word in -32767_i16..) {
-            let frame = frame(sequence, word);
+        fn a_frame_decodes_with_an_independent_cobs_and_crc(
+            sequence: u16, word in -32767_i16.., third: bool,
+        ) {
+            let frame = frame(sequence, word, third);
             let wire = frame.encode();
-            proptest::prop_assert_eq!(wire.len(), WIRE_LEN);
+            let len = if third { MOST_PAYLOAD_LEN } else { PAYLOAD_LEN };
+            proptest::prop_assert_eq!(wire.len(), len + WIRE_OVERHEAD);
             proptest::prop_assert_eq!(wire.iter().filter(|&&byte| byte == 0).count(), 1);
-            let payload = cobs::decode_vec(&wire[..WIRE_LEN - 1]).unwrap();
+            let payload = cobs::decode_vec(&wire[..wire.len() - 1]).unwrap();
             proptest::prop_assert_eq!(&payload[..], &frame.payload()[..]);
-            let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(&payload[..18]);
-            proptest::prop_assert_eq!(crc.to_le_bytes(), [payload[18], payload[19]]);
+            let (content, sent) = payload.split_at(len - 2);
+            let crc = crc::Crc::<u16>::new(&crc::CRC_16_IBM_3740).checksum(content);
+            proptest::prop_assert_eq!(&crc.to_le_bytes()[..], sent);
+            let word = |at: usize| i16::from_le_bytes([payload[at], payload[at + 1]]);
+            proptest::prop_assert_eq!(&[2, 4, 6, 8].map(word)[..], &frame.averages[..CHANNELS]);
+            proptest::prop_assert!(!third || word(18) == frame.averages[CHANNELS]);
         }
     }
 
@@ -161,7 +177,7 @@ mod tests {
             sequence: 7,
             angles: [16384, -32768, 1],
             flags: 0x41,
-            ..frame(7, 0)
+            ..frame(7, 0, false)
         };
         assert_eq!(&frame.text()[..], b"7 9000 -18000 1 0x0041\r\n");
     }

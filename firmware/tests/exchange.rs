@@ -5,6 +5,7 @@ use std::collections::VecDeque;
 use cardan_firmware::calibration::{NOMINAL, Settings};
 use cardan_firmware::exchange::take_settings;
 use cardan_firmware::hal::{Bytes, Memory};
+use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::LEN;
 use cardan_spec::timing::Averaging;
 use proptest::prelude::*;
@@ -55,7 +56,7 @@ fn settings(seed: i32) -> Settings {
     Settings {
         words: NOMINAL.map(|word| word.wrapping_add(seed)),
         averaging: Averaging::new(3, 5).expect("admissible"),
-        third_tilt: true,
+        third_tilt: ThirdTilt::Comparator,
         uncalibrated: false,
     }
 }

@@ -5,6 +5,9 @@
 
 use cardan_spec::DOMAIN_MARGIN;
 
+/// Where a quotient stands whose divisor is zero, with the dividend's sign: beyond every domain.
+const NO_QUOTIENT: f64 = 2.0;
+
 /// Remembers whether an argument left its domain by more than noise, or a divisor was zero.
 #[derive(Debug, Default)]
 pub(crate) struct Domain {
@@ -23,14 +26,14 @@ impl Domain {
         value.clamp(-1.0, 1.0)
     }
 
-    /// The quotient; by zero it is the sign of the dividend, where [`Self::unit`] would clamp it.
+    /// The quotient; by zero it stands at [`NO_QUOTIENT`] on the dividend's side.
     pub(crate) fn quotient(&mut self, dividend: f64, divisor: f64) -> f64 {
         if divisor == 0.0 {
             self.left = true;
-            return if dividend == 0.0 {
-                0.0
+            return if dividend < 0.0 {
+                -NO_QUOTIENT
             } else {
-                dividend.signum()
+                NO_QUOTIENT
             };
         }
         dividend / divisor
@@ -58,8 +61,8 @@ mod tests {
     }
 
     #[test]
-    fn division_by_zero_gives_the_sign_and_is_remembered() {
-        for (dividend, expected) in [(0.3, 1.0), (-2.0, -1.0), (0.0, 0.0)] {
+    fn division_by_zero_leaves_every_domain_on_the_dividends_side_and_is_remembered() {
+        for (dividend, expected) in [(0.3, 2.0), (-1e-9, -2.0), (0.0, 2.0)] {
             let mut domain = Domain::default();
             assert_eq!(domain.quotient(dividend, 0.0), expected);
             assert!(domain.was_left());

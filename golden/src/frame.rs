@@ -4,7 +4,7 @@
 //! writes it: framing and check sum come from the `cobs` and `crc` crates.
 
 use cardan_spec::CHANNELS;
-use cardan_spec::frame::{DELIMITER, FRAC, PAYLOAD_LEN};
+use cardan_spec::frame::{DELIMITER, FRAC, MOST_PAYLOAD_LEN, PAYLOAD_LEN};
 use crc::{CRC_16_IBM_3740, Crc};
 
 /// CRC-16/CCITT with the start 0xFFFF, as the layout names it.
@@ -17,6 +17,8 @@ pub struct Frame {
     pub sequence: u16,
     /// Average per channel over full scale, in conversion order.
     pub averages: [f64; CHANNELS],
+    /// Average of the third tilt axis over full scale, where it is measured.
+    pub tilt_z: Option<f64>,
     /// Yaw, pitch, roll of set 1 in half turns.
     pub angles: [f64; 3],
     /// Status bits ([`cardan_spec::flags`]).
@@ -47,7 +49,11 @@ impl std::fmt::Display for FrameError {
             Self::NoDelimiter => write!(f, "its last byte is not the delimiter {DELIMITER:#04x}"),
             Self::Encoding => write!(f, "it is not COBS-encoded"),
             Self::Length(length) => {
-                write!(f, "its payload has {length} bytes, expected {PAYLOAD_LEN}")
+                write!(
+                    f,
+                    "its payload has {length} bytes, expected {PAYLOAD_LEN}, or {MOST_PAYLOAD_LEN} with a \
+                     third tilt axis"
+                )
             }
             Self::CheckSum { sent, computed } => write!(
                 f,
@@ -68,12 +74,15 @@ pub fn decode(bytes: &[u8]) -> Result<Frame, FrameError> {
         return Err(FrameError::NoDelimiter);
     };
     let payload = cobs::decode_vec(encoded).map_err(|_| FrameError::Encoding)?;
-    let Ok(payload) = <&[u8; PAYLOAD_LEN]>::try_from(payload.as_slice()) else {
-        return Err(FrameError::Length(payload.len()));
+    let has_third = match payload.len() {
+        PAYLOAD_LEN => false,
+        MOST_PAYLOAD_LEN => true,
+        length => return Err(FrameError::Length(length)),
     };
     let word = |at: usize| u16::from_le_bytes([payload[at], payload[at + 1]]);
-    let sent = word(PAYLOAD_LEN - 2);
-    let computed = CHECK_SUM.checksum(&payload[..PAYLOAD_LEN - 2]);
+    let content = payload.len() - 2;
+    let sent = word(content);
+    let computed = CHECK_SUM.checksum(&payload[..content]);
     if sent != computed {
         return Err(FrameError::CheckSum { sent, computed });
     }
@@ -81,6 +90,7 @@ pub fn decode(bytes: &[u8]) -> Result<Frame, FrameError> {
     Ok(Frame {
         sequence: word(0),
         averages: [2, 4, 6, 8].map(fraction),
+        tilt_z: has_third.then(|| fraction(18)),
         angles: [10, 12, 14].map(fraction),
         status: word(16),
     })
@@ -123,10 +133,16 @@ mod tests {
         let expected = Frame {
             sequence: 0x0201,
             averages: [0.5, -0.5, 256.0 / 32768.0, -1.0 / 32768.0],
+            tilt_z: None,
             angles: [0.25, -0.25, 32767.0 / 32768.0],
             status: 0x0142,
         };
         assert_eq!(frame, expected);
+        let mut longer = payload();
+        longer.extend(0x2000_i16.to_le_bytes());
+        let with_third = decode(&sent(&longer)).expect("is a frame");
+        let tilt_z = Some(0.25);
+        assert_eq!(with_third, Frame { tilt_z, ..expected });
     }
 
     #[test]

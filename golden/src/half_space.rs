@@ -6,6 +6,7 @@
 use cardan_spec::{FIELD_RESIDUAL_LIMIT, HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM};
 
 use crate::rotation::{EarthField, Readings};
+use crate::solve::Third;
 
 /// The products of the z components that four readings make observable.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,16 +58,37 @@ pub struct HalfSpace {
 /// Where a solution is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Side {
-    /// The sign of gravity's z component is negative, or not known: the status bit.
+    /// The sign of gravity's z component is not known: the status bit.
     pub is_flagged: bool,
-    /// A third tilt axis tells, or told before the device came near the horizon, that it is upside down.
+    /// It is negative, as far as it is known.
     pub is_upside_down: bool,
 }
 
 impl HalfSpace {
-    /// Takes the next solution, and what a third tilt axis tells of it if one is fitted: whether it is
-    /// upside down.
-    pub fn track(&mut self, vertical: &Vertical, upside_down: Option<bool>) -> Side {
+    /// Takes the next solution, and what a third tilt axis tells of it if one is fitted.
+    pub fn track(&mut self, vertical: &Vertical, third: Option<Third>) -> Side {
+        let is_steep = vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE;
+        if let Some(Third::Measured(t3)) = third {
+            return Side {
+                is_flagged: is_steep,
+                is_upside_down: t3 < 0.0,
+            };
+        }
+        self.follow(vertical);
+        if let (Some(Third::Sign { upside_down }), Some(signs), false) =
+            (third, &mut self.signs, is_steep)
+        {
+            signs.down_positive = !upside_down;
+            signs.field_positive = signs.down_positive == (vertical.dip_product >= 0.0);
+        }
+        Side {
+            is_flagged: is_steep || third.is_none() && self.lost,
+            is_upside_down: self.signs.is_some_and(|signs| !signs.down_positive),
+        }
+    }
+
+    /// Carries the signs on by the product's.
+    fn follow(&mut self, vertical: &Vertical) {
         let product_positive = vertical.dip_product >= 0.0;
         let mut signs = self.signs.unwrap_or(Signs {
             down_positive: true,
@@ -78,18 +100,7 @@ impl HalfSpace {
         } else {
             signs.field_positive = signs.down_positive == product_positive;
         }
-        self.lost |= vertical.down_square + vertical.field_square < HALF_SPACE_LEAST_SUM;
-        let is_steep = vertical.down_square < HALF_SPACE_LEAST_DOWN_SQUARE;
-        if let (Some(over), false) = (upside_down, is_steep) {
-            signs.down_positive = !over;
-            signs.field_positive = signs.down_positive == product_positive;
-            self.lost = false;
-        }
         self.signs = Some(signs);
-        let is_fitted = upside_down.is_some();
-        Side {
-            is_flagged: is_steep || !is_fitted && (!signs.down_positive || self.lost),
-            is_upside_down: is_fitted && !signs.down_positive,
-        }
+        self.lost |= vertical.down_square + vertical.field_square < HALF_SPACE_LEAST_SUM;
     }
 }

@@ -19,11 +19,12 @@ pub mod node;
 pub mod orders;
 pub mod rotation;
 pub mod solve;
+mod unrest;
 
 pub use likelihood::{Estimate, Noise, cramer_rao, maximum_likelihood};
 pub use model::Golden;
 pub use rotation::{
-    Angles, Attitude, EarthField, Readings, angles_of, codes_of, ideal_readings, rotation_angle,
-    set_1_matrix, set_2_matrix,
+    Angles, Attitude, EarthField, Readings, angles_of, code_of_tilt_z, codes_of, ideal_readings,
+    rotation_angle, set_1_matrix, set_2_matrix,
 };
-pub use solve::{Memory, Solution, solve};
+pub use solve::{Memory, Solution, Third, solve};

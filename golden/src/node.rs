@@ -49,6 +49,8 @@ indices!(
     TILT_Z,
     FIELD_X,
     FIELD_Y,
+    GRAVITY_X,
+    GRAVITY_Y,
     COS_1,
     COS_2,
     DOWN,
@@ -62,4 +64,7 @@ indices!(
     ROLL,
     DIP_PRODUCT,
     FIELD_Z_SQUARE,
+    HEADING_SQUARE,
+    INCONSISTENCY,
+    ACCELERATION,
 );

@@ -40,15 +40,16 @@ pub fn down(readings: &Readings) -> f64 {
     root(1.0 - t1 * t1 - t2 * t2)
 }
 
-/// Set 1: theta = -asin(t1) about y, psi = asin(t2 / cos theta) about x.
+/// Set 1: theta = -asin(t1) about y, psi = asin(t2 / cos theta) about x. Readings of gravity that are too
+/// long leave d3 at zero, and that is remembered where it is a divisor.
 pub(crate) fn tilt_1(readings: &Readings, domain: &mut Domain) -> Tilt {
     let [t1, t2] = readings.tilt;
     let cos_pitch = root(1.0 - t1 * t1);
     let sin_roll = domain.quotient(t2, cos_pitch);
     Tilt {
-        sin_pitch: -domain.unit(t1),
+        sin_pitch: -t1.clamp(-1.0, 1.0),
         cos_pitch,
-        sin_roll: domain.unit(sin_roll),
+        sin_roll: sin_roll.clamp(-1.0, 1.0),
         cos_roll: domain.quotient(down(readings), cos_pitch),
     }
 }
@@ -59,9 +60,9 @@ pub(crate) fn tilt_2(readings: &Readings, domain: &mut Domain) -> Tilt {
     let cos_roll = root(1.0 - t2 * t2);
     let sin_pitch = domain.quotient(-t1, cos_roll);
     Tilt {
-        sin_pitch: domain.unit(sin_pitch),
+        sin_pitch: sin_pitch.clamp(-1.0, 1.0),
         cos_pitch: domain.quotient(down(readings), cos_roll),
-        sin_roll: domain.unit(t2),
+        sin_roll: t2.clamp(-1.0, 1.0),
         cos_roll,
     }
 }

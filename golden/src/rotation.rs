@@ -145,3 +145,11 @@ pub fn codes_of(readings: &Readings, calibration: &Calibration) -> Option<[f64; 
     )?;
     Some([tilt[0], tilt[1], field[0], field[1]])
 }
+
+/// The same of a third tilt axis that reads `gravity_g` along body z, in g. `None` when its gain is 0.
+#[must_use]
+pub fn code_of_tilt_z(gravity_g: f64, calibration: &Calibration) -> Option<f64> {
+    let gain = calibration.tilt_z_gain;
+    let average = gravity_g / gain + calibration.tilt_z_offset;
+    (gain != 0.0).then(|| average * f64::from(cardan_units::AdcCode::CENTRE))
+}

@@ -1,6 +1,7 @@
 //! From the four averages to an attitude: calibration, both orders, weighting, validity.
 
 use cardan_spec::calibration::Calibration;
+use cardan_spec::timing::Averaging;
 use cardan_spec::{CHANNELS, Channel, YAW_LEAST_EAST_SQUARE, flags};
 use cardan_units::HalfTurns;
 use nalgebra::{Matrix2, Vector2};
@@ -10,16 +11,70 @@ use crate::half_space::{HalfSpace, Vertical};
 use crate::node;
 use crate::orders::{self, Heading, Tilt};
 use crate::rotation::{Angles, Attitude, EarthField, Readings, set_1_matrix};
+use crate::unrest::Unrest;
 
-/// What one solution leaves for the next: the last defined yaw (0 at first) and the tracked signs; and
-/// what a third tilt axis tells.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// What a third tilt axis tells.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Third {
+    /// The comparator: whether gravity along body z is negative.
+    Sign {
+        /// It is.
+        upside_down: bool,
+    },
+    /// The converter: gravity along body z in g.
+    Measured(f64),
+}
+
+impl Third {
+    /// Whether gravity along body z is negative.
+    #[must_use]
+    pub fn is_upside_down(self) -> bool {
+        match self {
+            Self::Sign { upside_down } => upside_down,
+            Self::Measured(t3) => t3 < 0.0,
+        }
+    }
+
+    /// As the node `tilt_z` holds it: the reading, or the sign of gravity along body z.
+    #[must_use]
+    pub fn t3(self) -> f64 {
+        match self {
+            Self::Sign { upside_down: true } => -1.0,
+            Self::Sign { upside_down: false } => 1.0,
+            Self::Measured(t3) => t3,
+        }
+    }
+}
+
+/// What one solution leaves for the next: the last defined yaw (0 at first), the tracked signs and the
+/// motion of late; and what a third tilt axis tells.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Memory {
-    /// Whether a third tilt axis tells that the device is upside down; `None` where none is fitted. It
-    /// holds for every solution until it is changed.
-    pub upside_down: Option<bool>,
+    /// What a third tilt axis tells; `None` where none is fitted. It holds for every solution until it is
+    /// changed.
+    pub third: Option<Third>,
     yaw: HalfTurns,
     half_space: HalfSpace,
+    unrest: Unrest,
+}
+
+impl Memory {
+    /// That of a device just after reset, which solves once per period of `averaging`.
+    #[must_use]
+    pub fn new(averaging: Averaging) -> Self {
+        Self {
+            third: None,
+            yaw: HalfTurns::default(),
+            half_space: HalfSpace::default(),
+            unrest: Unrest::new(averaging),
+        }
+    }
+}
+
+impl Default for Memory {
+    fn default() -> Self {
+        Self::new(Averaging::DEFAULT)
+    }
 }
 
 /// One solution.
@@ -29,7 +84,7 @@ pub struct Solution {
     pub yaw: HalfTurns,
     /// Set 1's pitch.
     pub pitch: HalfTurns,
-    /// Set 1's roll, of the upright half-space: -0.5..=0.5; with a third tilt axis in -1..1.
+    /// Set 1's roll, in -1..1.
     pub roll: HalfTurns,
     /// Status bits ([`cardan_spec::flags`]). The golden model never sets uncalibrated or late.
     pub flags: u16,
@@ -73,17 +128,23 @@ pub fn calibrate(averages: &[f64; CHANNELS], calibration: &Calibration) -> Readi
     }
 }
 
-/// Solves one set of averages (fractions of full scale, in channel order). `record` takes each
+/// Solves one set of averages (fractions of full scale, in channel order), and that of the third tilt axis
+/// where it is measured, which then is what `memory` says of it. `record` takes each
 /// node's index in [`cardan_spec::nodes::SHARED`] and value at each write, in signal order, from the
 /// averages on. The saturation flag is the caller's, who has seen the conversions.
 pub fn solve(
     averages: &[f64; CHANNELS],
+    tilt_z: Option<f64>,
     calibration: &Calibration,
     memory: &mut Memory,
     record: &mut impl FnMut(usize, f64),
 ) -> Solution {
-    for &average in averages {
+    for &average in averages.iter().chain(&tilt_z) {
         record(node::AVERAGE, average);
+    }
+    if let Some(average) = tilt_z {
+        let t3 = calibration.tilt_z_gain * (average - calibration.tilt_z_offset);
+        memory.third = Some(Third::Measured(t3));
     }
     solve_readings(
         &calibrate(averages, calibration),
@@ -102,65 +163,90 @@ pub fn solve_readings(
 ) -> Solution {
     record(node::TILT_X, readings.tilt[0]);
     record(node::TILT_Y, readings.tilt[1]);
-    let sign = |over: bool| if over { 1.0 } else { -1.0 };
-    record(node::TILT_Z, memory.upside_down.map_or(0.0, sign));
+    record(node::TILT_Z, memory.third.map_or(0.0, Third::t3));
     record(node::FIELD_X, readings.field[0]);
     record(node::FIELD_Y, readings.field[1]);
-
     let mut domain = Domain::default();
-    let tilt_1 = orders::tilt_1(readings, &mut domain);
-    let tilt_2 = orders::tilt_2(readings, &mut domain);
+    let (readings, force_excess) = gravity(readings, memory.third, &mut domain);
+    record(node::GRAVITY_X, readings.tilt[0]);
+    record(node::GRAVITY_Y, readings.tilt[1]);
+
+    let tilt_1 = orders::tilt_1(&readings, &mut domain);
+    let tilt_2 = orders::tilt_2(&readings, &mut domain);
     record(node::COS_1, tilt_1.cos_pitch);
     record(node::COS_2, tilt_2.cos_roll);
-    record(node::DOWN, orders::down(readings));
+    record(node::DOWN, orders::down(&readings));
 
-    let heading_1 = orders::heading_1(readings, &tilt_1, earth, &mut domain);
-    let heading_2 = orders::heading_2(readings, &tilt_2, earth, &mut domain);
+    let heading_1 = orders::heading_1(&readings, &tilt_1, earth, &mut domain);
+    let heading_2 = orders::heading_2(&readings, &tilt_2, earth, &mut domain);
     record(node::HEADING_COS_1, heading_1.cosine);
     record(node::HEADING_SIN_2, heading_2.sine);
-
-    let vertical = Vertical::of(readings, earth);
-    let side = memory.half_space.track(&vertical, memory.upside_down);
-
     let yaw_2 = in_set_1(&tilt_2, &heading_2);
     record(node::YAW_1, heading_1.yaw.0);
     record(node::YAW_2, yaw_2.0);
-    let yaw_held = combine(
-        &tilt_1,
-        &heading_1,
-        yaw_2,
-        side.is_upside_down,
-        &mut domain,
-        &mut memory.yaw,
-        record,
-    );
+    let east = orders::east_1(&tilt_1, &heading_1);
+    let upright_yaw = weighed(east, heading_1.yaw, yaw_2, record);
 
-    let roll = HalfTurns::from_radians(libm::asin(tilt_1.sin_roll));
-    let angles = Angles {
-        yaw: memory.yaw,
-        pitch: HalfTurns::from_radians(libm::asin(tilt_1.sin_pitch)),
-        roll: match side.is_upside_down {
-            true => HalfTurns(1.0 - roll.0).wrapped(),
-            false => roll,
-        },
-    };
+    let vertical = Vertical::of(&readings, earth);
+    let side = memory.half_space.track(&vertical, memory.third);
+    if let Some(yaw) = upright_yaw {
+        memory.yaw = HalfTurns(if side.is_upside_down { -yaw.0 } else { yaw.0 }).wrapped();
+    }
+    let angles = angles(memory.yaw, &tilt_1, side.is_upside_down);
     record(node::YAW, angles.yaw.0);
     record(node::PITCH, angles.pitch.0);
     record(node::ROLL, angles.roll.0);
 
     record(node::DIP_PRODUCT, vertical.dip_product);
     record(node::FIELD_Z_SQUARE, vertical.field_square);
+    let heading_square = heading_1.cosine * heading_1.cosine + heading_1.sine * heading_1.sine;
+    let unrest = memory.unrest.track(heading_square, force_excess, record);
 
     let flags = bit(flags::HALF_SPACE, side.is_flagged)
         | bit(flags::DISTURBED, vertical.is_disturbed())
         | bit(flags::DOMAIN, domain.was_left())
-        | bit(flags::YAW_HELD, yaw_held);
+        | bit(flags::YAW_HELD, upright_yaw.is_none())
+        | unrest;
     Solution {
         yaw: angles.yaw,
         pitch: angles.pitch,
         roll: angles.roll,
         flags,
         attitude: set_1_matrix(angles),
+    }
+}
+
+/// The readings with gravity's direction in place of its readings where all three axes are measured; and
+/// by how much the squared specific force differs from gravity's, where the third is missing only if it is
+/// larger.
+fn gravity(readings: &Readings, third: Option<Third>, domain: &mut Domain) -> (Readings, f64) {
+    let [t1, t2] = readings.tilt;
+    let plane = t1 * t1 + t2 * t2;
+    let Some(Third::Measured(t3)) = third else {
+        return (*readings, (plane - 1.0).max(0.0));
+    };
+    let square = plane + t3 * t3;
+    // Nothing has no direction: both readings are 0 then, and stay so.
+    let inverse = domain.quotient(1.0, square.sqrt());
+    let directed = Readings {
+        tilt: [t1 * inverse, t2 * inverse],
+        ..*readings
+    };
+    (directed, (square - 1.0).abs())
+}
+
+/// Set 1's angles, turned to the other attitude of the same readings if the device is upside down (7.4);
+/// the yaw has been turned.
+fn angles(yaw: HalfTurns, tilt: &Tilt, is_upside_down: bool) -> Angles {
+    let roll = HalfTurns::from_radians(libm::asin(tilt.sin_roll));
+    Angles {
+        yaw,
+        pitch: HalfTurns::from_radians(libm::asin(tilt.sin_pitch)),
+        roll: if is_upside_down {
+            HalfTurns(1.0 - roll.0).wrapped()
+        } else {
+            roll
+        },
     }
 }
 
@@ -174,27 +260,21 @@ fn in_set_1(tilt: &Tilt, heading: &Heading) -> HalfTurns {
     HalfTurns::from_radians(libm::atan2(matrix[(0, 1)], matrix[(0, 0)]))
 }
 
-/// Weighs the two yaws by the squares of east's body components (7.6) into `yaw`, turned to the other
-/// attitude of the same readings (7.4) if the device is upside down, or keeps it where it is undefined;
-/// true in the latter case.
-fn combine(
-    tilt_1: &Tilt,
-    heading_1: &Heading,
+/// The two yaws weighed by the squares of east's body components e1 and e2 (7.6); none where body z is so
+/// near east or west that both vanish.
+fn weighed(
+    (e1, e2): (f64, f64),
+    yaw_1: HalfTurns,
     yaw_2: HalfTurns,
-    is_upside_down: bool,
-    domain: &mut Domain,
-    yaw: &mut HalfTurns,
     record: &mut impl FnMut(usize, f64),
-) -> bool {
-    let (e1, e2) = orders::east_1(tilt_1, heading_1);
+) -> Option<HalfTurns> {
     let east_square = e1 * e1 + e2 * e2;
-    let weight_1 = domain.quotient(e1 * e1, east_square);
-    record(node::WEIGHT_1, weight_1);
-    let held = east_square < YAW_LEAST_EAST_SQUARE;
-    if !held {
-        let difference = HalfTurns(heading_1.yaw.0 - yaw_2.0).wrapped();
-        let upright = yaw_2.0 + weight_1 * difference.0;
-        *yaw = HalfTurns(if is_upside_down { -upright } else { upright }).wrapped();
+    if east_square < YAW_LEAST_EAST_SQUARE {
+        record(node::WEIGHT_1, e1 * e1);
+        return None;
     }
-    held
+    let weight_1 = e1 * e1 / east_square;
+    record(node::WEIGHT_1, weight_1);
+    let difference = HalfTurns(yaw_1.0 - yaw_2.0).wrapped();
+    Some(HalfTurns(yaw_2.0 + weight_1 * difference.0))
 }

@@ -12,7 +12,7 @@ use cardan_bench::image::Firmware;
 use cardan_bench::{App, Conversion, Engine, Sink, SinkError, ThirdTilt};
 use cardan_firmware::calibration::Settings;
 use cardan_scenario::Scenario;
-use cardan_spec::flags;
+use cardan_spec::{ThirdTilt as Axis, flags};
 use cardan_tests::{cardan, run, stderr};
 use serde_json::Value;
 use tempfile::{TempDir, tempdir};
@@ -86,15 +86,10 @@ fn wild(sequence: u64) -> Conversion {
         experienced_code: f64::NAN,
         late: false,
         lost: false,
-        // None where none is fitted.
-        third_tilt: match sequence / 64 % 3 {
-            0 if sequence % 64 == 63 => None,
-            side if sequence % 64 == 63 => Some(ThirdTilt {
-                upside_down: side == 1,
-                truly_upside_down: None,
-            }),
-            _ => None,
-        },
+        third_tilt: (sequence % 64 == 63).then_some(ThirdTilt {
+            upside_down: sequence / 64 % 3 == 1,
+            truly_upside_down: None,
+        }),
     }
 }
 
@@ -104,9 +99,8 @@ const SOLUTION_ITEMS: usize = 65;
 fn items(conversions: &[Conversion]) -> Vec<u16> {
     let of_solution = |solution: &[Conversion]| {
         let sign = match solution.last().and_then(|last| last.third_tilt) {
-            None => 0_u16,
-            Some(third) if third.upside_down => 1,
-            Some(_) => 0xff,
+            Some(third) if third.upside_down => 0xff,
+            _ => 1_u16,
         };
         let codes = solution.iter().map(|conversion| conversion.code);
         [THIRD_TILT | sign]
@@ -128,7 +122,7 @@ fn reference() -> &'static Reference {
     static REFERENCE: OnceLock<Reference> = OnceLock::new();
     REFERENCE.get_or_init(|| {
         let mut scenario = Scenario::load("vibration").expect("is bundled");
-        scenario.sensors.third_tilt = true;
+        scenario.sensors.third_tilt = Axis::Comparator;
         let image = Attitude.bundled(true).expect("is bundled");
         let firmware = Firmware::parse("tapped.elf", image).expect("an image");
         let (configuration, engine) = Attitude
@@ -205,7 +199,7 @@ fn recording(configuration: &Configuration, items: &[u16]) -> TempDir {
     let settings = Settings {
         words: words.try_into().expect("all words"),
         averaging: configuration.averaging(),
-        third_tilt: configuration.third_tilt,
+        third_tilt: configuration.third_tilt(),
         uncalibrated: false,
     };
     let mut bytes = settings.image().to_vec();

@@ -6,7 +6,8 @@ use std::path::Path;
 use std::process::{Command, Output};
 
 use cardan_firmware::frame::crc16;
-use cardan_spec::calibration::{LEN, OPTIONS_AT, THIRD_TILT};
+use cardan_spec::ThirdTilt;
+use cardan_spec::calibration::{LEN, OPTIONS_AT};
 use cardan_tests::program::{announced, folder, start, text, write};
 use cardan_tests::{assert_refused, root, run, stderr};
 use serde_json::Value;
@@ -315,12 +316,26 @@ fn eeprom_files_that_hold_no_calibration_are_refused_with_the_reason() {
         bytes[at] ^= 0x11;
         bytes
     };
-    let mut third = bytes.clone();
-    third[OPTIONS_AT] = THIRD_TILT;
-    let crc = crc16(&third[..LEN - 2]);
-    third[LEN - 2..LEN].copy_from_slice(&crc.to_le_bytes());
+    let with_options = |options: u8| {
+        let mut third = bytes.clone();
+        third[OPTIONS_AT] = options;
+        let crc = crc16(&third[..LEN - 2]);
+        third[LEN - 2..LEN].copy_from_slice(&crc.to_le_bytes());
+        third
+    };
+    let [compared, measured] = [ThirdTilt::Comparator, ThirdTilt::Measured];
     let cases = [
-        ("third.bin", third, "sensors.third_tilt"),
+        (
+            "third.bin",
+            with_options(compared as u8),
+            "sensors.third_tilt",
+        ),
+        (
+            "measured.bin",
+            with_options(measured as u8),
+            "sensors.third_tilt",
+        ),
+        ("options.bin", with_options(3), "options 0x03"),
         ("short.bin", bytes[..20].to_vec(), "20 bytes"),
         ("magic.bin", changed(0), "magic"),
         ("version.bin", changed(2), "layout version"),

@@ -9,6 +9,7 @@ use cardan_datapath::wordlengths::{align, parse};
 use cardan_datapath::{Format, Node};
 use cardan_firmware::calibration::NOMINAL;
 use cardan_firmware::nodes::{Accumulator, NODES, Sample};
+use cardan_spec::ThirdTilt;
 use cardan_spec::timing::Averaging;
 use cardan_tune::cost::{Coefficients, Cycles, counts};
 use cardan_tune::{Case, Problem};
@@ -64,6 +65,7 @@ fn problem() -> Result<Problem, String> {
     let datapath = AttitudeDatapath {
         words: NOMINAL,
         averaging: Averaging::DEFAULT,
+        third_tilt: ThirdTilt::Absent,
     };
     let case = Case::record("flow", &datapath, &steps);
     Ok(Problem {

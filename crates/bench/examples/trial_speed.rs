@@ -13,6 +13,7 @@ use cardan_firmware::nodes::NODES;
 use cardan_numerics::tape::{Entry, Inputs, NO_NODE, Op, Ref, Tape};
 use cardan_numerics::trial::Trial;
 use cardan_numerics::{Algorithm, Steps};
+use cardan_spec::ThirdTilt;
 use cardan_spec::timing::Averaging;
 
 fn solutions(count: usize) -> Vec<Vec<i32>> {
@@ -44,6 +45,7 @@ fn main() {
     let datapath = AttitudeDatapath {
         words: NOMINAL,
         averaging: Averaging::DEFAULT,
+        third_tilt: ThirdTilt::Absent,
     };
     let steps = solutions(count);
     let (tape, inputs) = Tape::record(&datapath, &steps).expect("is steady");

@@ -20,7 +20,9 @@ use cardan_spec::calibration::{Calibration, LEN};
 use cardan_spec::timing::{
     Averaging, BLOCK_CONVERSIONS, BLOCK_CYCLES, BLOCK_ROUNDS, CPU_HZ, WARM_UP_BLOCKS,
 };
-use cardan_spec::{CHANNELS, Channel, FIELD_FULL_SCALE_UT, REFERENCE_V, TILT_FULL_SCALE_G, frame};
+use cardan_spec::{
+    CHANNELS, Channel, FIELD_FULL_SCALE_UT, REFERENCE_V, TILT_FULL_SCALE_G, ThirdTilt, frame,
+};
 use cardan_units::{AdcCode, HalfTurns};
 
 use crate::app::App;
@@ -121,7 +123,7 @@ pub fn measure(case: &Case) -> Result<Accuracy, String> {
     let settings = Settings {
         words: calibration_words(&nominal),
         averaging,
-        third_tilt: false,
+        third_tilt: ThirdTilt::Absent,
         uncalibrated: false,
     };
     let calibration = calibration_of(&settings.words);

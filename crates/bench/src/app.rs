@@ -3,6 +3,7 @@
 use cardan_datapath::{Format, NodeInfo};
 use cardan_outputs::{Check, Message, Outputs};
 use cardan_scenario::Scenario;
+use cardan_spec::ThirdTilt;
 use cardan_spec::timing::Averaging;
 use cardan_tune::Problem;
 
@@ -22,15 +23,23 @@ pub struct Configuration {
     pub averaging_log2: u8,
     /// log2 of the conversions per channel from one solution to the next.
     pub period_log2: u8,
-    /// A third tilt axis is fitted.
-    pub third_tilt: bool,
+    /// The third tilt axis, as in the options of the EEPROM image.
+    pub third_tilt: u8,
 }
 
 impl Configuration {
+    /// The third tilt axis; none where the field says nothing admissible.
+    #[must_use]
+    pub fn third_tilt(&self) -> ThirdTilt {
+        ThirdTilt::from_options(self.third_tilt).unwrap_or_default()
+    }
+
     /// How conversions are averaged; the default where the fields say nothing admissible.
     #[must_use]
     pub fn averaging(&self) -> Averaging {
-        Averaging::new(self.averaging_log2, self.period_log2).unwrap_or(Averaging::DEFAULT)
+        Averaging::new(self.averaging_log2, self.period_log2)
+            .unwrap_or(Averaging::DEFAULT)
+            .with(self.third_tilt())
     }
 }
 
@@ -183,7 +192,7 @@ pub trait App: Sync {
     /// A scenario that cannot run.
     fn checks(&self, evidence: &Evidence<'_>) -> Result<Vec<Check>, String>;
     /// What a message carries.
-    fn outputs(&self) -> Outputs;
+    fn outputs(&self, configuration: &Configuration) -> Outputs;
     /// A message as the golden side reads it.
     ///
     /// # Errors

@@ -7,33 +7,42 @@ use cardan_firmware::nodes::{NODE_COUNT, NODES};
 use cardan_numerics::tape::{NO_NODE, Tape};
 use cardan_numerics::trial::{Trial, deployable};
 use cardan_numerics::{Algorithm, DeployedRecorder, Steps};
+use cardan_spec::ThirdTilt;
 use cardan_spec::timing::Averaging;
 
 /// Codes of a device that turns, with steps over the whole range.
-fn solutions(count: usize) -> Vec<Vec<i32>> {
+fn solutions(third_tilt: ThirdTilt, count: usize) -> Vec<Vec<i32>> {
+    let channels = third_tilt.channels() as i32;
     let mut state: u32 = 1;
     let mut solution = |at: usize| {
-        // Upside down half of the time, and now and then without a third axis.
-        let tilt_z = [1, -1, 0][at % 7 % 3];
-        let codes = (0..64).map(|conversion| {
+        // Upside down half of the time.
+        let sign = [1, -1][at % 7 % 2];
+        let codes = (0..16 * channels).map(|conversion| {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
             let noise = (state >> 24) as i32 % 9 - 4;
-            let phase = at as f64 / 90.0 + f64::from(conversion % 4) * 1.3;
+            let phase = at as f64 / 90.0 + f64::from(conversion % channels) * 1.3;
             let code = 512.0 + 420.0 * libm::sin(phase);
             (code as i32 + noise).clamp(0, 1023)
         });
-        codes.chain([tilt_z]).collect()
+        codes.chain([sign]).collect()
     };
     (0..count).map(&mut solution).collect()
 }
 
 #[test]
 fn trials_in_the_deployed_formats_equal_the_firmware() {
+    for third_tilt in ThirdTilt::ALL {
+        trials_equal_the_firmware(third_tilt);
+    }
+}
+
+fn trials_equal_the_firmware(third_tilt: ThirdTilt) {
     let datapath = AttitudeDatapath {
         words: NOMINAL,
-        averaging: Averaging::DEFAULT,
+        averaging: Averaging::DEFAULT.with(third_tilt),
+        third_tilt,
     };
-    let steps = solutions(1200);
+    let steps = solutions(third_tilt, 1200);
     let m = Deployed::new(DeployedRecorder::new(NODE_COUNT));
     let algorithm = Steps {
         datapath: &datapath,

@@ -4,8 +4,8 @@ use cardan_spec::calibration::{Calibration, FRAC, WORDS};
 use nalgebra::{Matrix2, Vector2, Vector4};
 
 use crate::error::Error;
-use crate::fit::{Design, Fit, variance};
-use crate::{AlongZ, Earth, Estimate, PairFit, Residuals};
+use crate::fit::{Design, Fit, OFFSET, variance};
+use crate::{AlongZ, AxisFit, Earth, Estimate, PairFit, Residuals, Working};
 
 /// Index of body z among a channel's parameters.
 const Z: usize = 2;
@@ -31,6 +31,8 @@ pub const NAMES: [&str; WORDS] = [
     "horizontal",
     "vertical",
     "inverse_horizontal",
+    "tilt_z_offset",
+    "tilt_z_gain",
 ];
 
 /// Offset and matrix of two channels with their standard errors.
@@ -76,6 +78,52 @@ pub(crate) fn pair(design: &Design, fits: [&Fit; 2], along_z: AlongZ) -> Result<
     })
 }
 
+/// Offset and gain of a channel that stands alone, along body z, with their standard errors.
+pub(crate) struct Alone {
+    offset: f64,
+    offset_error: f64,
+    gain: f64,
+    gain_error: f64,
+    quality: AxisFit,
+}
+
+/// Inverts the sensitivity along z.
+pub(crate) fn axis(design: &Design, fit: &Fit, working: Working) -> Result<Alone, Error> {
+    let [to_x, to_y, to_z] = [0, 1, Z].map(|axis| fit.parameters[axis]);
+    let cross = to_x.hypot(to_y);
+    // As for two channels: what it feels along its own axis must not drown in the others.
+    if !(to_z.abs() * SENSITIVITY_CONDITION > cross) {
+        return Err(Error::InsensitiveToZ {
+            sensitivity: [to_x, to_y, to_z],
+        });
+    }
+    let standard =
+        |gradient: Vector4<f64>| (fit.variance * gradient.dot(&(design.inverse * gradient))).sqrt();
+    let z_standard_error = standard(Vector4::new(0.0, 0.0, 1.0, 0.0));
+    let gain = 1.0 / to_z;
+    let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, r| most.max(r.abs()));
+    let rms = fit.variance.sqrt();
+    let max = largest(&fit.residuals);
+    Ok(Alone {
+        offset: fit.parameters[OFFSET],
+        offset_error: standard(Vector4::new(0.0, 0.0, 0.0, 1.0)),
+        gain,
+        gain_error: gain * gain * z_standard_error,
+        quality: AxisFit {
+            sensitivity: [to_x, to_y, to_z],
+            z_standard_error,
+            cross_left_rms: gain.abs() * cross * working.gravity_x_square().sqrt(),
+            residuals: Residuals {
+                rms,
+                max,
+                reading_rms: gain.abs() * rms,
+                reading_max: gain.abs() * max,
+                each: fit.residuals.clone(),
+            },
+        },
+    })
+}
+
 /// What the fits leave, of the averages and, through the matrix, of the readings.
 fn residuals(fits: [&Fit; 2], matrix: &Matrix2<f64>) -> [Residuals; 2] {
     let largest = |values: &[f64]| values.iter().fold(0.0, |most: f64, r| most.max(r.abs()));
@@ -110,8 +158,20 @@ fn matrix_errors(design: &Design, fits: [&Fit; 2], m: &Matrix2<f64>) -> [[f64; 2
     })
 }
 
-/// Both pairs together.
-pub(crate) fn whole(tilt: Pair, field: Pair, earth: Earth) -> Result<Estimate, Error> {
+/// Both pairs together, and the third axis; its values are nominal where it is not measured.
+pub(crate) fn whole(
+    tilt: Pair,
+    field: Pair,
+    third: Option<Alone>,
+    earth: Earth,
+) -> Result<Estimate, Error> {
+    let nominal = Calibration::nominal(1.0, earth.horizontal, earth.vertical);
+    let values = |third: &Alone| [third.offset, third.gain];
+    let [tilt_z_offset, tilt_z_gain] = third
+        .as_ref()
+        .map_or([nominal.tilt_z_offset, nominal.tilt_z_gain], values);
+    let errors = |third: &Alone| [third.offset_error, third.gain_error];
+    let [offset_error, gain_error] = third.as_ref().map_or([0.0; 2], errors);
     let calibration = Calibration {
         tilt_offset: tilt.offset,
         tilt_matrix: tilt.matrix,
@@ -120,6 +180,8 @@ pub(crate) fn whole(tilt: Pair, field: Pair, earth: Earth) -> Result<Estimate, E
         horizontal: earth.horizontal,
         vertical: earth.vertical,
         inverse_horizontal: 1.0 / earth.horizontal,
+        tilt_z_offset,
+        tilt_z_gain,
     };
     let limit = f64::from(1_u32 << (31 - FRAC));
     let beyond = calibration
@@ -138,11 +200,14 @@ pub(crate) fn whole(tilt: Pair, field: Pair, earth: Earth) -> Result<Estimate, E
         horizontal: 0.0,
         vertical: 0.0,
         inverse_horizontal: 0.0,
+        tilt_z_offset: offset_error,
+        tilt_z_gain: gain_error,
     };
     Ok(Estimate {
         calibration,
         standard_errors,
         tilt: tilt.quality,
         field: field.quality,
+        tilt_z: third.map(|third| third.quality),
     })
 }

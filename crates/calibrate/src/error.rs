@@ -43,6 +43,15 @@ pub enum Error {
         /// Rows: channels; columns: body x, y.
         sensitivity: [[f64; 2]; 2],
     },
+    /// A third axis that does not follow its own.
+    #[error(
+        "the channel of the third tilt axis does not tell body z: its sensitivities to x, y, z are \
+         {sensitivity:?} (full scales per g); the channel is dead, or lies along another axis"
+    )]
+    InsensitiveToZ {
+        /// To body x, y, z.
+        sensitivity: [f64; 3],
+    },
     /// Beyond what the EEPROM's words hold.
     #[error(
         "{name} would be {value:.3}, and the device's words hold less than {limit} to either side: \

@@ -20,7 +20,7 @@ pub(crate) const LEAST: usize = PARAMETERS + 2;
 const CONDITION_LIMIT: f64 = 50.0;
 
 /// Constant and last of the parameters.
-const OFFSET: usize = 3;
+pub(crate) const OFFSET: usize = 3;
 
 /// The attitudes as the design of the experiment.
 pub(crate) struct Design {

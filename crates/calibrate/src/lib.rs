@@ -5,7 +5,10 @@
 //! they stand on the left. Two channels give the 2 x 2 block S of sensitivities along x and y; the
 //! device computes v = S^-1 (a - offset) (`cardan_spec::calibration`).
 //!
-//! Its model has no z. A sensitivity to z is estimated all the same, or it would falsify the rest;
+//! A third tilt axis, where it is measured, stands alone: offset and gain, whatever it feels along x and y
+//! is left and reported ([`AxisFit::cross_left_rms`]).
+//!
+//! The model of two channels has no z. A sensitivity to z is estimated all the same, or it would falsify the rest;
 //! its mean effect over the attitudes in which the device works ([`Working`]) goes into the offset,
 //! and what is left is reported ([`PairFit::z_left_rms`]).
 
@@ -25,6 +28,8 @@ pub use error::Error;
 pub struct Observation {
     /// Averages over full scale, in channel order.
     pub averages: [f64; CHANNELS],
+    /// The same of the third tilt axis, where it is measured.
+    pub tilt_z: Option<f64>,
     /// Gravity along body x, y, z in g.
     pub gravity: [f64; 3],
     /// Field along body x, y, z over |B|.
@@ -58,6 +63,21 @@ pub struct Estimate {
     pub tilt: PairFit,
     /// Quality of the field channels' fit; readings in |B|.
     pub field: PairFit,
+    /// Quality of the third tilt axis's fit, where it is measured; readings in g.
+    pub tilt_z: Option<AxisFit>,
+}
+
+/// Quality of the fit of a channel that stands alone.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct AxisFit {
+    /// Sensitivity to body x, y, z: full scales per unit of reading.
+    pub sensitivity: [f64; 3],
+    /// Standard error of the sensitivity to z.
+    pub z_standard_error: f64,
+    /// Error of the reading (rms over the working attitudes) that the sensitivities to x and y leave.
+    pub cross_left_rms: f64,
+    /// What the fit leaves.
+    pub residuals: Residuals,
 }
 
 /// Quality of the fit of two channels.
@@ -111,19 +131,32 @@ pub fn estimate(
     let gravity: Vec<[f64; 3]> = observations.iter().map(|o| o.gravity).collect();
     let field: Vec<[f64; 3]> = observations.iter().map(|o| o.field).collect();
     let channel = |index: usize| observations.iter().map(move |o| o.averages[index]);
-    let tilt = fit::Design::new("gravity", &gravity)?;
+    let gravity_design = fit::Design::new("gravity", &gravity)?;
     let tilt = device::pair(
-        &tilt,
-        [&tilt.fit(channel(0)), &tilt.fit(channel(1))],
+        &gravity_design,
+        [
+            &gravity_design.fit(channel(0)),
+            &gravity_design.fit(channel(1)),
+        ],
         working.gravity_z(),
     )?;
+    let along_z: Option<Vec<f64>> = observations.iter().map(|o| o.tilt_z).collect();
+    let third = along_z
+        .map(|averages| {
+            device::axis(
+                &gravity_design,
+                &gravity_design.fit(averages.into_iter()),
+                working,
+            )
+        })
+        .transpose()?;
     let field = fit::Design::new("the field", &field)?;
     let field = device::pair(
         &field,
         [&field.fit(channel(2)), &field.fit(channel(3))],
         working.field_z(earth),
     )?;
-    device::whole(tilt, field, earth)
+    device::whole(tilt, field, third, earth)
 }
 
 /// Mean and standard deviation of a reading along body z.
@@ -142,12 +175,17 @@ impl Working {
         }
     }
 
+    /// Mean square of gravity along body x, and along y.
+    fn gravity_x_square(self) -> f64 {
+        let down = self.gravity_z();
+        (1.0 - down.mean * down.mean - down.deviation * down.deviation) / 2.0
+    }
+
     /// Of the field over |B|: its vertical part goes with gravity's z, its horizontal part with the
     /// sine of the tilt and the cosine of the heading.
     fn field_z(self, earth: Earth) -> AlongZ {
         let down = self.gravity_z();
-        let down_square = down.mean * down.mean + down.deviation * down.deviation;
-        let horizontal_square = earth.horizontal * earth.horizontal * (1.0 - down_square) / 2.0;
+        let horizontal_square = earth.horizontal * earth.horizontal * self.gravity_x_square();
         let vertical = earth.vertical * down.deviation;
         AlongZ {
             mean: earth.vertical * down.mean,

@@ -59,6 +59,7 @@ fn observe(
     });
     Observation {
         averages,
+        tilt_z: None,
         gravity: down,
         field,
     }
@@ -319,4 +320,57 @@ fn too_few_attitudes_and_dead_channels_are_refused() {
     }
     let error = estimate(&weak, EARTH, WORKING).unwrap_err();
     assert!(matches!(error, Error::OutOfRange { .. }), "{error}");
+}
+
+#[test]
+fn a_third_axis_is_estimated_within_its_standard_errors_where_every_observation_has_it() {
+    let unit = Unit {
+        offsets: [0.01, -0.02, 0.0, 0.03],
+        sensitivities: [
+            [-0.8, 0.0, 0.0],
+            [0.0, -0.8, 0.0],
+            [0.7, 0.0, 0.0],
+            [0.0, 0.7, 0.0],
+        ],
+        noise: 1e-4,
+    };
+    let (offset, to_x, to_y, to_z) = (0.021, 0.008, -0.004, -0.79);
+    let mut random = ChaCha8Rng::seed_from_u64(11);
+    let with_third = |mut one: Observation| {
+        let [x, y, z] = one.gravity;
+        let felt = to_x * x + to_y * y + to_z * z;
+        one.tilt_z = Some(offset + felt + 1e-4 * normal(&mut random));
+        one
+    };
+    let mut all: Vec<Observation> = observations(&unit, 400, 5)
+        .into_iter()
+        .map(with_third)
+        .collect();
+    let found = estimate(&all, EARTH, WORKING).expect("a good unit");
+    let (values, errors) = (found.calibration, found.standard_errors);
+    let off = |value: f64, truth: f64, error: f64| (value - truth).abs() / error;
+    assert!(errors.tilt_z_offset > 0.0 && errors.tilt_z_gain > 0.0);
+    assert!(off(values.tilt_z_offset, offset, errors.tilt_z_offset) < 4.0);
+    assert!(off(values.tilt_z_gain, 1.0 / to_z, errors.tilt_z_gain) < 4.0);
+    let quality = found.tilt_z.expect("is measured");
+    // Uniform on the cone of 60 degrees: x's mean square is (1 - 7/12) / 2.
+    let cross = (to_x * to_x + to_y * to_y).sqrt() * (5.0_f64 / 24.0).sqrt() / 0.79;
+    assert!((quality.cross_left_rms - cross).abs() < 1e-4, "{quality:?}");
+    assert!(
+        (quality.residuals.rms / 1e-4 - 1.0).abs() < 0.15,
+        "{quality:?}"
+    );
+
+    // One observation without: it is nobody's third axis, and nothing else changes.
+    all[7].tilt_z = None;
+    let without = estimate(&all, EARTH, WORKING).expect("a good unit");
+    assert_eq!(without.tilt_z, None);
+    assert_eq!(without.tilt, found.tilt);
+    assert_eq!(without.standard_errors.tilt_z_gain, 0.0);
+
+    for one in &mut all {
+        one.tilt_z = Some(0.5 * one.gravity[0]);
+    }
+    let dead = estimate(&all, EARTH, WORKING).expect_err("along x");
+    assert!(matches!(dead, Error::InsensitiveToZ { .. }), "{dead}");
 }

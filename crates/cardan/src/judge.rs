@@ -86,7 +86,7 @@ pub(crate) fn without_shares(
         },
         attitudes: attitudes(setup, collected)?,
         flags,
-        outputs: app.outputs(),
+        outputs: app.outputs(&collected.configuration),
         messages: Messages {
             native: messages(app, &collected.native_frames),
             emulated: messages(app, &collected.emulated_frames),

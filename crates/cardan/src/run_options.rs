@@ -7,6 +7,7 @@ use cardan_bench::app::by_name;
 use cardan_bench::image::Firmware;
 use cardan_datapath::{Format, table_hash, wordlengths};
 use cardan_scenario::Scenario;
+use cardan_scenario::third_tilt;
 use clap::Args;
 
 use crate::eeprom_file;
@@ -44,8 +45,8 @@ pub(crate) struct RunOptions {
     /// Simulated seconds (a recording may end the run earlier)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) seconds: Option<f64>,
-    /// Gives a numeric scenario parameter another value, or turns a switch (noise.enabled,
-    /// sensors.third_tilt) to true or false; may be repeated
+    /// Gives a numeric scenario parameter another value, turns the switch noise.enabled to true or
+    /// false, or sensors.third_tilt to measured, comparator or absent; may be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
     pub(crate) set: Vec<(String, f64)>,
     /// Seed of every random number
@@ -213,12 +214,18 @@ fn setting(text: &str) -> Result<(String, f64), String> {
     let expected =
         || "expected KEY=VALUE with a finite number, for example climate.start_k=358.15".to_owned();
     let (key, value) = text.split_once('=').ok_or_else(expected)?;
-    let value = match value.trim() {
+    let (key, value) = (key.trim(), value.trim());
+    let word = || third_tilt::named(value).map(|kind| f64::from(kind as u8));
+    let value = match value {
         "true" => Some(1.0),
         "false" => Some(0.0),
         number => number.parse().ok().filter(|value: &f64| value.is_finite()),
     };
-    Ok((key.trim().to_owned(), value.ok_or_else(expected)?))
+    if key == third_tilt::KEY {
+        let expected = || format!("expected {}", third_tilt::EXPECTED);
+        return Ok((key.to_owned(), value.or_else(word).ok_or_else(expected)?));
+    }
+    Ok((key.to_owned(), value.ok_or_else(expected)?))
 }
 
 fn read(file: &Path) -> Result<Vec<u8>, Failure> {

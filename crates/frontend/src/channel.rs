@@ -147,7 +147,7 @@ impl Plan {
 }
 
 /// Voltages inside a channel.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Inner {
     /// Output of the band-pass; none while the other tilt channel has it.
     pub band_pass_v: Option<f64>,

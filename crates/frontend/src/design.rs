@@ -20,7 +20,7 @@ use cardan_scenario::experience::REFERENCE_K;
 use cardan_scenario::hardware::Frontend as Parameters;
 use cardan_sensors::{Accelerometer, Axis, LinearSensor, Magnetometer};
 use cardan_spec::timing::{CPU_HZ, HALF_CARRIER_CYCLES};
-use cardan_spec::{Channel, FIELD_FULL_SCALE_UT, REFERENCE_V, TILT_FULL_SCALE_G};
+use cardan_spec::{Channel, FIELD_FULL_SCALE_UT, REFERENCE_V, TILT_FULL_SCALE_G, ThirdTilt};
 use cardan_units::Cycles;
 
 use crate::adc::LSB_V;
@@ -57,7 +57,8 @@ pub struct ChainDesign {
 pub struct Design {
     /// Tilt channels.
     pub tilt: ChainDesign,
-    /// The third tilt channel, which shares no band-pass: its delay is shorter.
+    /// The third tilt channel, which shares no band-pass: at the comparator its delay is shorter; measured,
+    /// its low-pass is lower, so that all delays are equal.
     pub third_tilt: ChainDesign,
     /// Magnetometer channels.
     pub field: ChainDesign,
@@ -87,8 +88,15 @@ impl Design {
             clock_hz: CPU_HZ as f64,
         };
         let corner_hz = scenario.frontend.tilt_low_pass_hz;
-        let third_tilt = tilt(Wiring::third_tilt()).finish(corner_hz)?;
+        let third_tilt = tilt(Wiring::of(Channel::TiltZ));
         let tilt = tilt(Wiring::of(Channel::TiltX)).finish(corner_hz)?;
+        let third_tilt = match scenario.sensors.third_tilt {
+            ThirdTilt::Measured => {
+                let corner_hz = third_tilt.corner_for(tilt.group_delay_s)?;
+                third_tilt.finish(corner_hz)?
+            }
+            ThirdTilt::Comparator | ThirdTilt::Absent => third_tilt.finish(corner_hz)?,
+        };
         let low_pass_hz = field.corner_for(tilt.group_delay_s)?;
         Ok(Self {
             tilt,

@@ -12,7 +12,8 @@
 //! deselected channel goes on with a copy that stands for nothing: nobody samples or watches it.
 //!
 //! A third tilt channel along body z, where the scenario fits it, is a chain of the same kind beside
-//! the four, with a band-pass of its own: it ends at the controller's comparator ([`Frontend::third_tilt`]).
+//! the four, with a band-pass of its own: it ends at the controller's comparator ([`Frontend::third_tilt`])
+//! or, where it is measured, at a fifth pin of the converter.
 //!
 //! What is approximated: the sensors' inputs run straight between their exact values every 125 us.
 //! That is h^2/8 times their second derivative, under 1e-6 V for motion of 1 Hz over the whole
@@ -39,7 +40,9 @@ use std::collections::VecDeque;
 use cardan_scenario::scenario::Sensors;
 use cardan_scenario::{Experience, Scenario, Stimulus};
 use cardan_sensors::{Accelerometer, Axis, Magnetometer};
-use cardan_spec::{CHANNELS, Channel as Name, FIELD_FULL_SCALE_UT, REFERENCE_V, TILT_FULL_SCALE_G};
+use cardan_spec::{
+    CHANNELS, Channel as Name, FIELD_FULL_SCALE_UT, REFERENCE_V, TILT_FULL_SCALE_G, ThirdTilt,
+};
 use cardan_units::{Cycles, Volts};
 
 pub use adc::AdcErrors;
@@ -58,9 +61,6 @@ use switching::{Edge, EdgeQueue, PINS, Wiring};
 /// if nobody asks for a voltage.
 const MOST_WAITING: usize = 8192;
 
-/// Number of the third tilt channel among the sources of noise: behind the converter's.
-const THIRD: u8 = CHANNELS as u8;
-
 /// The channels that share a band-pass, as [`Pin::Select`] low and high selects them.
 const SHARING: [Name; 2] = [Name::TiltX, Name::TiltY];
 
@@ -69,6 +69,8 @@ const SHARING: [Name; 2] = [Name::TiltX, Name::TiltY];
 pub struct Frontend<S> {
     channels: [Channel; CHANNELS],
     third: Option<Channel>,
+    /// It is on the converter, not on the comparator.
+    third_is_measured: bool,
     design: Design,
     inputs: Inputs<S>,
     edges: EdgeQueue,
@@ -94,15 +96,19 @@ impl<S: Stimulus> Frontend<S> {
         let first = *inputs.at(0);
         let channels = Name::ALL
             .map(|name| Channel::new(plan(scenario, &design, name), seed, name as u8, &first));
-        let third = scenario.sensors.third_tilt.then(|| {
-            let unit = tilt(&scenario.sensors, Axis::Z);
-            let plan = build(scenario, unit, design.third_tilt, Wiring::third_tilt());
-            Channel::new(plan, seed, THIRD, &first)
+        let kind = scenario.sensors.third_tilt;
+        if kind == ThirdTilt::Measured {
+            check_rest(&plan(scenario, &design, Name::TiltZ), Name::TiltZ)?;
+        }
+        let third = kind.is_fitted().then(|| {
+            let plan = plan(scenario, &design, Name::TiltZ);
+            Channel::new(plan, seed, Name::TiltZ as u8, &first)
         });
         let sampler = Sampler::new(&scenario.adc)?;
         Ok(Self {
             channels,
             third,
+            third_is_measured: kind == ThirdTilt::Measured,
             design,
             inputs,
             edges: EdgeQueue::default(),
@@ -164,11 +170,19 @@ impl<S: Stimulus> Frontend<S> {
         if SHARING.contains(&name) {
             self.hand_over(cycle.0);
         }
-        let channel = &mut self.channels[name as usize];
-        let volts = channel.voltage(cycle.0, &self.edges, &mut self.inputs);
-        // The third axis is read seldom; it follows by whole spans, while inputs are remembered.
+        let measured = self.third.as_mut().filter(|_| self.third_is_measured);
+        let volts = match (self.channels.get_mut(name as usize), measured) {
+            (Some(channel), _) | (None, Some(channel)) => {
+                channel.voltage(cycle.0, &self.edges, &mut self.inputs)
+            }
+            // Nothing is connected there.
+            (None, None) => 0.0,
+        };
+        // At the comparator the third axis is read seldom; it follows by whole spans, while inputs are
+        // remembered.
         let spans = cycle.0 / SPAN_CYCLES * SPAN_CYCLES;
         if let Some(third) = &mut self.third
+            && !self.third_is_measured
             && third.now() < spans
         {
             third.advance(spans, &self.edges, &mut self.inputs);
@@ -179,13 +193,14 @@ impl<S: Stimulus> Frontend<S> {
 
     /// Voltage of the third tilt channel at `cycle`, which a comparator's input does not load: above
     /// mid supply where the specific force along body z is positive, which at rest is upside down.
-    /// `None` where the scenario fits no third axis.
+    /// `None` where the scenario fits no third axis to the comparator.
     ///
     /// # Errors
     /// `cycle` lies before an earlier reading of this channel, or before an edge that the channel
     /// has already passed.
     pub fn third_tilt(&mut self, cycle: Cycles) -> Result<Option<Volts>, Error> {
-        let Some(channel) = &mut self.third else {
+        let compared = self.third.as_mut().filter(|_| !self.third_is_measured);
+        let Some(channel) = compared else {
             return Ok(None);
         };
         if cycle.0 < channel.now() {
@@ -203,14 +218,16 @@ impl<S: Stimulus> Frontend<S> {
     /// Voltages inside a channel in the instant of its last reading.
     #[must_use]
     pub fn inner(&self, name: Name) -> Inner {
-        self.channels[name as usize].inner()
+        let channel = self.channels.get(name as usize).or(self.third.as_ref());
+        channel.map_or_else(Inner::default, Channel::inner)
     }
 
-    /// Every stage that left its linear range, with channel, first cycle and count. (Not those of the
-    /// third tilt axis: only its sign counts, which saturation keeps.)
+    /// Every stage that left its linear range, with channel, first cycle and count. (Not those of a
+    /// third tilt axis at the comparator: only its sign counts, which saturation keeps.)
     #[must_use]
     pub fn saturations(&self) -> Vec<Saturation> {
-        let each = self.channels.iter().zip(Name::ALL);
+        let measured = self.third.iter().filter(|_| self.third_is_measured);
+        let each = self.channels.iter().chain(measured).zip(Name::MOST);
         each.flat_map(|(channel, name)| channel.watch().report(name))
             .collect()
     }
@@ -272,7 +289,12 @@ fn check_rest(plan: &Plan, name: Name) -> Result<(), Error> {
             specific_force_g: [0.0; 3],
             ..Experience::default()
         };
-        rest.specific_force_g[name as usize % 2] = force;
+        let axis = if name == Name::TiltZ {
+            2
+        } else {
+            name as usize % 2
+        };
+        rest.specific_force_g[axis] = force;
         let p = &plan.parameters;
         let offset = 1e-3 * p.output_offset_mv / (0.5 * REFERENCE_V);
         let share = plan.unit.input(&rest) / full_scale * (1.0 + p.gain_error) + offset;
@@ -297,6 +319,7 @@ fn plan(scenario: &Scenario, design: &Design, name: Name) -> Plan {
         Name::TiltY => (tilt(sensors, Axis::Y), design.tilt),
         Name::FieldX => (field(sensors, Axis::X), design.field),
         Name::FieldY => (field(sensors, Axis::Y), design.field),
+        Name::TiltZ => (tilt(sensors, Axis::Z), design.third_tilt),
     };
     build(scenario, unit, design, Wiring::of(name))
 }

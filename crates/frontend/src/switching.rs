@@ -71,17 +71,10 @@ impl Wiring {
             Channel::TiltX => (Pin::Strobe, Some(false)),
             Channel::TiltY => (Pin::Strobe, Some(true)),
             Channel::FieldX | Channel::FieldY => (Pin::Carrier, None),
+            // Strobed like the others, with a band-pass of its own.
+            Channel::TiltZ => (Pin::Strobe, None),
         };
         Self { strobe, turn }
-    }
-
-    /// The wiring of the third tilt channel: strobed like the others, with a band-pass of its own.
-    #[must_use]
-    pub fn third_tilt() -> Self {
-        Self {
-            strobe: Pin::Strobe,
-            turn: None,
-        }
     }
 
     /// Whether the band-pass is shared.

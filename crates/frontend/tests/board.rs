@@ -6,7 +6,7 @@ use cardan_frontend::design::nominal_edges;
 use cardan_frontend::{Design, Error, Frontend, Pin, Stage};
 use cardan_scenario::{Experience, Scenario, Stimulus, Trajectory};
 use cardan_spec::timing::{CPU_HZ, HALF_CARRIER_CYCLES};
-use cardan_spec::{Channel, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G};
+use cardan_spec::{Channel, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G, ThirdTilt};
 use cardan_units::Cycles;
 
 use common::{Script, clock, constant, quiet, voltages};
@@ -383,7 +383,7 @@ fn third_axis(scenario: &Scenario, force_z: f64, read_channels: bool) -> Vec<f64
 fn the_third_axis_shows_the_force_along_body_z_where_it_is_fitted_and_nothing_otherwise() {
     let mut scenario = quiet();
     assert_eq!(third_axis(&scenario, -1.0, true), []);
-    scenario.sensors.third_tilt = true;
+    scenario.sensors.third_tilt = ThirdTilt::Comparator;
     scenario.sensors.accelerometer.offset_z_mg = 30.0;
     scenario.sensors.accelerometer.sensitivity_error_z = -0.1;
     for force_z in [-1.0, 0.2, 1.0] {
@@ -402,7 +402,7 @@ fn the_third_axis_has_noise_of_its_own_and_changes_none_of_the_others() {
         Channel::ALL.map(|channel| voltages(scenario, 5, level(), channel, times()))
     };
     let without = others(&scenario);
-    scenario.sensors.third_tilt = true;
+    scenario.sensors.third_tilt = ThirdTilt::Comparator;
     assert_eq!(others(&scenario), without);
     let read = third_axis(&scenario, 0.0, true);
     assert!(

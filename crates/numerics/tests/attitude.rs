@@ -10,8 +10,8 @@ use cardan_numerics::{
     Algorithm, DeployedRecorder, Formats, Mixed, Number, Recorder, Recording, record,
 };
 use cardan_spec::calibration::WORDS;
-use cardan_spec::timing::{Averaging, BLOCK_ROUNDS, WARM_UP_BLOCKS};
-use cardan_spec::{CHANNELS, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G, flags};
+use cardan_spec::timing::{Averaging, BLOCK_ROUNDS};
+use cardan_spec::{CHANNELS, FIELD_FULL_SCALE_UT, TILT_FULL_SCALE_G, ThirdTilt, flags};
 use cardan_units::AdcCode;
 use proptest::prelude::*;
 use rand_chacha::ChaCha8Rng;
@@ -22,21 +22,22 @@ struct Attitude<'a> {
     words: &'a [i32; WORDS],
     codes: &'a [AdcCode],
     averaging: Averaging,
-    /// What a third tilt axis tells, from solution to solution and over again.
-    tilt_z: &'a [i8],
+    third_tilt: ThirdTilt,
+    /// What a comparator tells, from solution to solution and over again.
+    signs: &'a [i8],
 }
 
 impl Algorithm for Attitude<'_> {
     type Output = Vec<u16>;
     fn run<M: Arithmetic>(&self, m: &M) -> Vec<u16> {
-        let calibration = Calibration::new(m, self.words);
-        let mut state = State::new(m);
-        let mut decimator = Decimator::new(m, self.averaging);
-        let mut tilt_z = self.tilt_z.iter().cycle();
+        let calibration = Calibration::new(m, self.words, self.third_tilt);
+        let mut state = State::new(m, self.averaging.with(self.third_tilt));
+        let mut decimator = Decimator::new(m, self.averaging.with(self.third_tilt));
+        let mut signs = self.signs.iter().cycle();
         let mut step = |code: &AdcCode| {
             let averages = decimator.push(m, *code)?;
-            let tilt_z = tilt_z.next().copied().unwrap_or(0);
-            solve(m, &calibration, &mut state, &averages, tilt_z);
+            let sign = signs.next().copied().unwrap_or(0);
+            solve(m, &calibration, &mut state, &averages, sign);
             Some(m.take_status())
         };
         self.codes.iter().filter_map(&mut step).collect()
@@ -50,8 +51,11 @@ fn deployed(algorithm: &impl Algorithm<Output = Vec<u16>>) -> (Vec<u16>, Recordi
 }
 
 /// The codes of some solutions, behind the warm-up.
-fn with_warm_up(solutions: impl IntoIterator<Item = AdcCode>) -> Vec<AdcCode> {
-    let warm_up = WARM_UP_BLOCKS * BLOCK_ROUNDS * CHANNELS;
+fn with_warm_up(
+    third_tilt: ThirdTilt,
+    solutions: impl IntoIterator<Item = AdcCode>,
+) -> Vec<AdcCode> {
+    let warm_up = Averaging::DEFAULT.with(third_tilt).warm_up_conversions();
     let start = std::iter::repeat_n(AdcCode(512), warm_up);
     start.chain(solutions).collect()
 }
@@ -78,11 +82,16 @@ fn assert_equal(algorithm: &impl Algorithm<Output = Vec<u16>>) -> Recording {
     found
 }
 
-/// Codes of a device that rests in some attitude and field, or anything.
-fn any_codes() -> impl Strategy<Value = Vec<AdcCode>> {
-    let count = BLOCK_ROUNDS * CHANNELS;
-    let still = (proptest::array::uniform4(0u16..1024), 0u16..8).prop_map(move |(base, noise)| {
-        let code = |at: usize| base[at % CHANNELS] + (at * 7919 % 8) as u16 % (noise + 1);
+/// A device with its third tilt axis, and codes of it at rest in some attitude and field, or of anything.
+fn any_device() -> impl Strategy<Value = (ThirdTilt, Vec<AdcCode>)> {
+    proptest::sample::select(&ThirdTilt::ALL)
+        .prop_flat_map(|third_tilt| (Just(third_tilt), any_codes(third_tilt.channels())))
+}
+
+fn any_codes(channels: usize) -> impl Strategy<Value = Vec<AdcCode>> {
+    let count = BLOCK_ROUNDS * channels;
+    let still = (proptest::array::uniform5(0u16..1024), 0u16..8).prop_map(move |(base, noise)| {
+        let code = |at: usize| base[at % channels] + (at * 7919 % 8) as u16 % (noise + 1);
         (0..count).map(|at| AdcCode(code(at).min(1023))).collect()
     });
     let wild = proptest::collection::vec((0u16..1024).prop_map(AdcCode), count);
@@ -97,7 +106,7 @@ fn any_averaging() -> impl Strategy<Value = Averaging> {
 }
 
 fn any_words() -> impl Strategy<Value = [i32; WORDS]> {
-    let near = proptest::array::uniform15(-(1i32 << 22)..1 << 22).prop_map(|moves| {
+    let near = proptest::array::uniform17(-(1i32 << 22)..1 << 22).prop_map(|moves| {
         let mut words = NOMINAL;
         words
             .iter_mut()
@@ -108,7 +117,7 @@ fn any_words() -> impl Strategy<Value = [i32; WORDS]> {
     prop_oneof![
         near,
         Just(NOMINAL),
-        proptest::array::uniform15(any::<i32>())
+        proptest::array::uniform17(any::<i32>())
     ]
 }
 
@@ -117,17 +126,19 @@ proptest! {
 
     #[test]
     fn every_node_equals_the_deployed_firmware(
-        words in any_words(), codes in any_codes(), averaging in any_averaging(),
-        tilt_z in proptest::collection::vec(-1_i8..=1, 0..5),
+        words in any_words(), (third_tilt, codes) in any_device(), averaging in any_averaging(),
+        signs in proptest::collection::vec(-1_i8..=1, 0..5),
     ) {
-        let codes = with_warm_up(codes);
-        assert_equal(&Attitude { words: &words, codes: &codes, averaging, tilt_z: &tilt_z });
+        let codes = with_warm_up(third_tilt, codes);
+        let (words, codes, signs) = (&words, &codes, &signs);
+        assert_equal(&Attitude { words, codes, averaging, third_tilt, signs });
     }
 
     #[test]
-    fn a_prefix_quantises_its_nodes_and_no_other(codes in any_codes(), count in 0..=NODE_COUNT) {
-        let codes = with_warm_up(codes);
-        let attitude = Attitude { words: &NOMINAL, codes: &codes, averaging: Averaging::DEFAULT, tilt_z: &[1] };
+    fn a_prefix_quantises_its_nodes_and_no_other((third_tilt, codes) in any_device(), count in 0..=NODE_COUNT) {
+        let codes = with_warm_up(third_tilt, codes);
+        let averaging = Averaging::DEFAULT;
+        let attitude = Attitude { words: &NOMINAL, codes: &codes, averaging, third_tilt, signs: &[-1] };
         let (_, found) = record(&attitude, &Formats::deployed(&NODES).unwrap().prefix(count));
         for index in 0..NODE_COUNT {
             let words = if index < count { found.values[index].len() } else { 0 };
@@ -138,28 +149,36 @@ proptest! {
 }
 
 /// Every corner of the sensors' range: clipped codes, zero divisors, negative radicands.
-#[test]
-fn the_corners_of_the_range_equal_the_deployed_firmware() {
+fn corners(third_tilt: ThirdTilt) -> Recording {
+    let channels = third_tilt.channels();
     let mut codes = Vec::new();
-    for corner in 0..3usize.pow(4) {
-        let code = |at: usize| [0, 512, 1023][corner / 3usize.pow((at % CHANNELS) as u32) % 3];
-        codes.extend((0..BLOCK_ROUNDS * CHANNELS).map(|at| AdcCode(code(at))));
+    for corner in 0..3usize.pow(channels as u32) {
+        let code = |at: usize| [0, 512, 1023][corner / 3usize.pow((at % channels) as u32) % 3];
+        codes.extend((0..BLOCK_ROUNDS * channels).map(|at| AdcCode(code(at))));
     }
-    let codes = with_warm_up(codes);
-    let found = assert_equal(&Attitude {
+    let codes = with_warm_up(third_tilt, codes);
+    assert_equal(&Attitude {
         words: &NOMINAL,
         codes: &codes,
         averaging: Averaging::DEFAULT,
-        tilt_z: &[0, 1, -1],
-    });
-    let saturated =
-        |(node, overflows): (&cardan_datapath::NodeInfo, &cardan_numerics::Overflows)| {
-            node.format.overflow == Overflow::Saturate && overflows.count > 0
-        };
-    assert!(
-        NODES.iter().zip(&found.overflows).any(saturated),
-        "the corners do overflow"
-    );
+        third_tilt,
+        signs: &[-1, 1],
+    })
+}
+
+#[test]
+fn the_corners_of_the_range_equal_the_deployed_firmware() {
+    for third_tilt in ThirdTilt::ALL {
+        let found = corners(third_tilt);
+        let saturated =
+            |(node, overflows): (&cardan_datapath::NodeInfo, &cardan_numerics::Overflows)| {
+                node.format.overflow == Overflow::Saturate && overflows.count > 0
+            };
+        assert!(
+            NODES.iter().zip(&found.overflows).any(saturated),
+            "the corners do overflow"
+        );
+    }
 }
 
 /// Solutions from the averages that ideal sensors and an infinitely fine converter would give.
@@ -196,6 +215,13 @@ impl Ideal {
         .map(|share| share + offset)
     }
 
+    /// The third channel's average over full scale.
+    fn tilt_z(down: f64) -> f64 {
+        let [offset, gain] =
+            [15, 16].map(|word: usize| f64::from(NOMINAL[word]) / f64::from(1 << 28));
+        down / gain + offset
+    }
+
     /// Gravity along body z.
     fn down([_, pitch, roll]: [f64; 3]) -> f64 {
         libm::cos(pitch.to_radians()) * libm::cos(roll.to_radians())
@@ -203,33 +229,38 @@ impl Ideal {
 
     /// Yaw, pitch and roll of every solution, in degrees. `disturb` moves the averages of a solution.
     fn solve(&self, disturb: impl FnMut() -> [f64; CHANNELS]) -> Vec<[f64; 3]> {
-        self.solve_as(false, disturb)
+        self.solve_as(ThirdTilt::Absent, disturb)
     }
 
     /// The same; with a third tilt axis each from a cold start, and none may be flagged.
     fn solve_as(
         &self,
-        third_tilt: bool,
+        third_tilt: ThirdTilt,
         mut disturb: impl FnMut() -> [f64; CHANNELS],
     ) -> Vec<[f64; 3]> {
         let m = Mixed::new(&Formats::real(NODE_COUNT), Recorder::new(NODE_COUNT));
-        let calibration = Calibration::new(&m, &NOMINAL);
-        let mut state = State::new(&m);
+        let calibration = Calibration::new(&m, &NOMINAL, third_tilt);
+        let mut state = State::new(&m, Averaging::DEFAULT.with(third_tilt));
         for attitude in &self.0 {
             let average = |real: f64| Value::<_, Average>::new(Number { real, raw: None });
             let (ideal, moved) = (Self::averages(*attitude), disturb());
+            let down = Self::down(*attitude);
+            let share = |channel: usize| match channel {
+                0..CHANNELS => ideal[channel] + moved[channel],
+                _ => Self::tilt_z(down),
+            };
             let averages = Averages {
-                values: std::array::from_fn(|channel| average(ideal[channel] + moved[channel])),
+                values: std::array::from_fn(|channel| average(share(channel))),
                 clipped: false,
                 late: false,
             };
-            let (tilt_z, admissible) = if third_tilt {
-                state = State::new(&m);
-                (if Self::down(*attitude) < 0.0 { 1 } else { -1 }, 0)
-            } else {
-                (0, flags::HALF_SPACE)
-            };
-            solve(&m, &calibration, &mut state, &averages, tilt_z);
+            let mut admissible = flags::HALF_SPACE;
+            if third_tilt.is_fitted() {
+                state = State::new(&m, Averaging::DEFAULT.with(third_tilt));
+                admissible = 0;
+            }
+            let sign = if down < 0.0 { -1 } else { 1 };
+            solve(&m, &calibration, &mut state, &averages, sign);
             assert_eq!(m.take_status() & !admissible, 0, "{attitude:?}");
         }
         let recording = m.into_observer().into_recording();
@@ -322,7 +353,9 @@ fn with_a_third_axis_every_attitude_off_the_horizon_is_right_from_a_cold_start()
     attitudes.retain(|attitude| Ideal::down(*attitude).powi(2) > 0.031);
     let upside_down = attitudes.iter().filter(|one| Ideal::down(**one) < 0.0);
     assert!(upside_down.count() > attitudes.len() / 3);
-    let solved = Ideal(attitudes.clone()).solve_as(true, || [0.0; CHANNELS]);
-    let worst = worst_errors(&attitudes, &solved);
-    assert!(worst.iter().all(|&error| error < 1.15e-3), "{worst:?}");
+    for third_tilt in [ThirdTilt::Comparator, ThirdTilt::Measured] {
+        let solved = Ideal(attitudes.clone()).solve_as(third_tilt, || [0.0; CHANNELS]);
+        let worst = worst_errors(&attitudes, &solved);
+        assert!(worst.iter().all(|&error| error < 1.15e-3), "{worst:?}");
+    }
 }

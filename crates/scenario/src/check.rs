@@ -125,6 +125,9 @@ impl Scenario {
         };
         pair("calibration.tilt_offset", c.tilt_offset, 1.0)?;
         pair("calibration.field_offset", c.field_offset, 1.0)?;
+        let third = |value: Option<f64>| value.map(|value| [value, 0.0]);
+        pair("calibration.tilt_z_offset", third(c.tilt_z_offset), 1.0)?;
+        pair("calibration.tilt_z_gain", third(c.tilt_z_gain), 7.99)?;
         for row in c.tilt_matrix.iter().flatten() {
             pair("calibration.tilt_matrix", Some(*row), 7.99)?;
         }

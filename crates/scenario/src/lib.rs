@@ -28,6 +28,7 @@ pub mod rotation;
 pub mod scenario;
 pub mod sweep;
 mod syntax;
+pub mod third_tilt;
 pub mod trajectory;
 pub mod tumble;
 

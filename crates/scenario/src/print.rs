@@ -30,10 +30,12 @@ pub fn print_scenario(scenario: &Scenario) -> String {
     let s = &scenario.sensors;
     out.table("sensors", "Which sensors are fitted besides two of each.");
     out.key(
-        "A third accelerometer, along body z, on the controller's analog comparator: it tells upright\n\
-         from upside down, so that solutions hold in every attitude (default false).",
+        "A third accelerometer, along body z: it tells upright from upside down, so that solutions hold in\n\
+         every attitude. \"comparator\" (or true): one bit per solution, at the controller's analog\n\
+         comparator. \"measured\": a fifth channel of the converter, at ADC4; rounds are longer then, a\n\
+         solution comes every 10 ms at the earliest, instead of 8. \"absent\" (or false; default).",
         "third_tilt",
-        s.third_tilt,
+        s.third_tilt.name(),
     );
     out.table(
         "sensors.accelerometer",
@@ -147,7 +149,7 @@ fn head(out: &mut Page, scenario: &Scenario) {
     out.key("One sentence for people.", "about", &scenario.about);
     let about = format!(
         "Simulated time after reset, unit s, more than 0 to {MOST_SECONDS:?}, default 12.0. The\n\
-         first 0.096 s settle the filters. A recording may end the run earlier."
+         first 0.096 s settle the filters (0.12 s with a measured third tilt axis). A recording may end the run earlier."
     );
     out.key(&about, "seconds", scenario.seconds);
 }
@@ -254,6 +256,10 @@ fn calibration(out: &mut Page, scenario: &Scenario) {
         c.field_matrix,
         "[[1.28, 0.0], [0.0, 1.28]]",
     );
+    let about = "Average of a measured third tilt axis at zero g, -1 to 1.";
+    out.optional(about, "tilt_z_offset", c.tilt_z_offset, "-0.0009765625");
+    let about = "Gravity along body z in g per full scale of that average, -7.99 to 7.99.";
+    out.optional(about, "tilt_z_gain", c.tilt_z_gain, "-1.2");
     let about = "Horizontal field as the device believes it, unit uT, 0.1 to 100.";
     out.optional(about, "horizontal_ut", c.horizontal_ut, "23.834");
     let about = "Downward field as the device believes it, unit uT, -100 to 100.";

@@ -39,6 +39,8 @@ pub fn calibration(scenario: &Scenario, trajectory: &Trajectory) -> Calibration 
         tilt_matrix: explicit.tilt_matrix.unwrap_or(nominal.tilt_matrix),
         field_offset: explicit.field_offset.unwrap_or(nominal.field_offset),
         field_matrix: explicit.field_matrix.unwrap_or(nominal.field_matrix),
+        tilt_z_offset: explicit.tilt_z_offset.unwrap_or(nominal.tilt_z_offset),
+        tilt_z_gain: explicit.tilt_z_gain.unwrap_or(nominal.tilt_z_gain),
         ..nominal
     }
 }

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use cardan_spec::ThirdTilt;
 use serde::Deserialize;
 
 use crate::check::range;
@@ -15,6 +16,7 @@ use crate::overlay::{Climate, Disturbance, Vibration};
 use crate::parameter::{Origin, Parameter, Parameters};
 use crate::sweep::{Step, Sweep};
 use crate::syntax;
+use crate::third_tilt;
 use crate::tumble::Tumble;
 
 /// Bundled scenarios: name and text.
@@ -184,9 +186,10 @@ impl Field {
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sensors {
-    /// A third accelerometer, along body z, on the controller's analog comparator. It tells upright
-    /// from upside down, which two tilt axes cannot.
-    pub third_tilt: bool,
+    /// A third accelerometer, along body z, and what reads it. It tells upright from upside down, which
+    /// two tilt axes cannot.
+    #[serde(deserialize_with = "third_tilt::read")]
+    pub third_tilt: ThirdTilt,
     /// Convective accelerometers.
     pub accelerometer: Accelerometer,
     /// Lorentz magnetometers.
@@ -223,6 +226,10 @@ pub struct CalibrationOverride {
     pub horizontal_ut: Option<f64>,
     /// Downward field in microtesla, as the device believes it.
     pub vertical_ut: Option<f64>,
+    /// Average of a measured third tilt axis at zero g, fractions of full scale.
+    pub tilt_z_offset: Option<f64>,
+    /// Gravity along body z in g per full scale of a measured third tilt axis.
+    pub tilt_z_gain: Option<f64>,
 }
 
 /// Limits of the verdict.
@@ -484,7 +491,6 @@ impl Scenario {
     /// Switches, which [`Scenario::set`] takes as 0 or 1.
     fn switch_mut(&mut self, key: &str) -> Option<&mut bool> {
         match key {
-            "sensors.third_tilt" => Some(&mut self.sensors.third_tilt),
             "noise.enabled" => Some(&mut self.noise.enabled),
             _ => None,
         }
@@ -511,11 +517,15 @@ impl Scenario {
     }
 
     /// Sets the numeric parameter of that full key ([`Scenario::check`] tells if it is admissible), or
-    /// a switch: 1 is on, 0 off.
+    /// a switch: 1 is on, 0 off; `sensors.third_tilt` takes 2 as well: measured.
     ///
     /// # Errors
     /// There is no such parameter, or a switch is to be neither on nor off.
     pub fn set(&mut self, key: &str, value: f64) -> Result<(), Error> {
+        if key == third_tilt::KEY {
+            self.sensors.third_tilt = third_tilt::numbered(value)?;
+            return Ok(());
+        }
         if let Some(switch) = self.switch_mut(key) {
             if value != 0.0 && value != 1.0 {
                 return Err(range(key, value, "true (1) or false (0)"));

@@ -2,6 +2,7 @@
 
 use cardan_scenario::scenario::{BUNDLED, DEFAULT};
 use cardan_scenario::{Scenario, Trajectory, print_scenario, report};
+use cardan_spec::ThirdTilt;
 
 fn message(text: &str) -> String {
     Scenario::parse(text, "mine.toml", "mine")
@@ -249,18 +250,57 @@ fn the_seed_changes_the_tumble() {
 #[test]
 fn switches_are_set_by_1_and_0_alone_and_survive_the_printed_page() {
     let mut scenario = Scenario::default();
-    assert!(!scenario.sensors.third_tilt && scenario.noise.enabled);
-    scenario.set("sensors.third_tilt", 1.0).expect("a switch");
+    assert!(scenario.noise.enabled);
     scenario.set("noise.enabled", 0.0).expect("a switch");
-    assert!(scenario.sensors.third_tilt && !scenario.noise.enabled);
+    assert!(!scenario.noise.enabled);
     let page = print_scenario(&scenario);
     let read = Scenario::parse(&page, "page.toml", "page").expect("reads back");
-    assert!(read.sensors.third_tilt && !read.noise.enabled);
-    let error = scenario
-        .set("sensors.third_tilt", 0.5)
-        .expect_err("neither");
+    assert!(!read.noise.enabled);
+    let error = scenario.set("noise.enabled", 0.5).expect_err("neither");
     assert!(
         error.to_string().contains("true (1) or false (0)"),
         "{error}"
     );
+}
+
+#[test]
+fn the_third_tilt_axis_is_a_word_or_a_truth_value_and_survives_the_printed_page() {
+    let mut scenario = Scenario::default();
+    assert_eq!(scenario.sensors.third_tilt, ThirdTilt::Absent);
+    for kind in ThirdTilt::ALL {
+        let number = f64::from(kind as u8);
+        scenario.set("sensors.third_tilt", number).expect("a kind");
+        assert_eq!(scenario.sensors.third_tilt, kind);
+        let page = print_scenario(&scenario);
+        let read = Scenario::parse(&page, "page.toml", "page").expect("reads back");
+        assert_eq!(read.sensors.third_tilt, kind);
+    }
+    let read = |value: &str| {
+        let text = format!("[sensors]\nthird_tilt = {value}\n");
+        Scenario::parse(&text, "unit.toml", "unit").map(|read| read.sensors.third_tilt)
+    };
+    assert_eq!(read("true").expect("a kind"), ThirdTilt::Comparator);
+    assert_eq!(read("false").expect("a kind"), ThirdTilt::Absent);
+    for (value, expected) in [
+        ("\"maybe\"", "known here: measured, comparator, absent"),
+        ("\"mesured\"", "did you mean 'measured'?"),
+        (
+            "2",
+            "expected one of measured, comparator, absent, true (comparator), false (absent)",
+        ),
+    ] {
+        let message = read(value).expect_err("no kind").to_string();
+        assert!(
+            message.contains(expected) && message.contains("unit.toml"),
+            "{message}"
+        );
+        assert!(message.contains("line 2"), "{message}");
+    }
+    for number in [0.5, 3.0, -1.0] {
+        let error = scenario
+            .set("sensors.third_tilt", number)
+            .expect_err("neither");
+        let expected = "measured (2), comparator or true (1), absent or false (0)";
+        assert!(error.to_string().contains(expected), "{error}");
+    }
 }

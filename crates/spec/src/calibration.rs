@@ -7,7 +7,7 @@
 //! | 3 | u8 | number of words, [`WORDS`] |
 //! | 4 | u8 | log2 of the conversions averaged per channel, 0 to 12 |
 //! | 5 | u8 | log2 of the conversions per channel from one solution to the next, 4 to 12, not less than the former |
-//! | 6 | u8 | options: bit 0 ([`THIRD_TILT`]) a third tilt axis is fitted, all others 0 |
+//! | 6 | u8 | options: the third tilt axis ([`crate::ThirdTilt`]): 0 absent, 1 at the comparator (bit 0), 2 measured (bit 1); anything else is not valid |
 //! | 7 | i32 x WORDS | values with [`FRAC`] fractional bits, in the order of [`Calibration`]'s fields |
 //! | 7 + 4 WORDS | u16 | CRC-16/CCITT (as in frames) of everything before |
 //!
@@ -16,14 +16,16 @@
 //! With a = average bipolar code / 512 (a fraction of full scale, -1..1):
 //! (t1, t2) = tilt_matrix (a_tilt - tilt_offset), the gravity component along body x and y in g;
 //! (b1, b2) = field_matrix (a_field - field_offset), the field along body x and y over |B|.
-//! An accelerometer at rest reads minus gravity, so the diagonal of `tilt_matrix` is negative.
+//! t3 = tilt_z_gain (a_tilt_z - tilt_z_offset), gravity along body z, where it is measured.
+//! An accelerometer at rest reads minus gravity, so the diagonal of `tilt_matrix` is negative, and so is
+//! `tilt_z_gain`.
 
 /// First word of a valid image.
 pub const MAGIC: u16 = 0xCA1D;
 /// Layout version.
-pub const VERSION: u8 = 3;
+pub const VERSION: u8 = 4;
 /// Number of values.
-pub const WORDS: usize = 15;
+pub const WORDS: usize = 17;
 /// Fractional bits of every value: +-8 with a resolution of 4e-9.
 pub const FRAC: u32 = 28;
 /// Bytes of the image.
@@ -32,10 +34,8 @@ pub const LEN: usize = WORDS_AT + 4 * WORDS + 2;
 pub const AVERAGING_AT: usize = 4;
 /// Offset of the log2 of the solution period.
 pub const PERIOD_AT: usize = 5;
-/// Offset of the options.
+/// Offset of the options, a [`crate::ThirdTilt`].
 pub const OPTIONS_AT: usize = 6;
-/// Option: a third tilt axis is fitted, at the controller's analog comparator.
-pub const THIRD_TILT: u8 = 1 << 0;
 /// Offset of the first value.
 pub const WORDS_AT: usize = 7;
 
@@ -56,6 +56,10 @@ pub struct Calibration {
     pub vertical: f64,
     /// |B| over the horizontal field: 1 / cos I, so that the device need not divide.
     pub inverse_horizontal: f64,
+    /// Average of the third tilt axis at zero g, fractions of full scale.
+    pub tilt_z_offset: f64,
+    /// Gravity along body z in g per full scale of the third tilt axis.
+    pub tilt_z_gain: f64,
 }
 
 impl Calibration {
@@ -74,6 +78,8 @@ impl Calibration {
             horizontal: cos_inclination,
             vertical: sin_inclination,
             inverse_horizontal: 1.0 / cos_inclination,
+            tilt_z_offset: half_lsb,
+            tilt_z_gain: tilt,
         }
     }
 
@@ -97,6 +103,8 @@ impl Calibration {
             self.horizontal,
             self.vertical,
             self.inverse_horizontal,
+            self.tilt_z_offset,
+            self.tilt_z_gain,
         ]
     }
 
@@ -111,6 +119,8 @@ impl Calibration {
             horizontal: v[12],
             vertical: v[13],
             inverse_horizontal: v[14],
+            tilt_z_offset: v[15],
+            tilt_z_gain: v[16],
         }
     }
 }

@@ -9,11 +9,20 @@
 //! | 10 | 3 x i16 | yaw, pitch, roll of set 1 (Z-Y-X) in half turns, 15 fractional bits |
 //! | 16 | u16 | status bits ([`crate::flags`]) |
 //! | 18 | u16 | CRC-16/CCITT (polynomial 0x1021, start 0xFFFF, as "CRC-16/IBM-3740") of bytes 0..18 |
+//!
+//! A device that measures its third tilt axis sends a longer one, by which it is told apart: at 18 the
+//! average of that axis (i16, as the others), at 20 the CRC of bytes 0..20.
 
 /// Bytes of a frame before COBS, with its CRC.
 pub const PAYLOAD_LEN: usize = 20;
-/// Bytes of a frame on the wire: COBS adds one byte for payloads up to 254, the zero another.
-pub const WIRE_LEN: usize = PAYLOAD_LEN + 2;
+/// The same where the third tilt axis is measured.
+pub const MOST_PAYLOAD_LEN: usize = PAYLOAD_LEN + 2;
+/// Bytes that a payload grows by on the wire: COBS adds one for payloads up to 254, the zero another.
+pub const WIRE_OVERHEAD: usize = 2;
+/// Bytes of a frame on the wire.
+pub const WIRE_LEN: usize = PAYLOAD_LEN + WIRE_OVERHEAD;
+/// The same where the third tilt axis is measured.
+pub const MOST_WIRE_LEN: usize = MOST_PAYLOAD_LEN + WIRE_OVERHEAD;
 /// The byte that ends a frame.
 pub const DELIMITER: u8 = 0;
 /// Fractional bits of averages and angles.

@@ -9,7 +9,10 @@ pub mod flags;
 pub mod frame;
 pub mod nodes;
 pub mod taps;
+mod third_tilt;
 pub mod timing;
+
+pub use third_tilt::ThirdTilt;
 
 /// Sensor channels in the order in which the controller converts them; the index is the ADC channel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -23,20 +26,40 @@ pub enum Channel {
     FieldX = 2,
     /// Lorentz magnetometer along body y, on ADC3.
     FieldY = 3,
+    /// Thermal accelerometer along body z, on ADC4 where it is measured ([`ThirdTilt::Measured`]).
+    TiltZ = 4,
 }
 
 impl Channel {
-    /// All channels in conversion order.
+    /// The channels of every device, in conversion order.
     pub const ALL: [Channel; 4] = [
         Channel::TiltX,
         Channel::TiltY,
         Channel::FieldX,
         Channel::FieldY,
     ];
+
+    /// The channels of a device that measures its third tilt axis, in conversion order.
+    pub const MOST: [Channel; 5] = [
+        Channel::TiltX,
+        Channel::TiltY,
+        Channel::FieldX,
+        Channel::FieldY,
+        Channel::TiltZ,
+    ];
+
+    /// The channel with that ADC input.
+    #[must_use]
+    pub fn of(index: u8) -> Option<Self> {
+        Self::MOST.get(usize::from(index)).copied()
+    }
 }
 
-/// Number of sensor channels.
+/// Sensor channels of every device.
 pub const CHANNELS: usize = Channel::ALL.len();
+
+/// Sensor channels of a device that measures its third tilt axis.
+pub const MOST_CHANNELS: usize = Channel::MOST.len();
 
 /// Supply and ADC reference of the board in volts: AVCC of the reference board.
 pub const REFERENCE_V: f64 = 5.0;
@@ -65,8 +88,20 @@ pub const HALF_SPACE_LEAST_DOWN_SQUARE: f64 = 0.03;
 
 /// The signs of the z components are lost when the sum of their squares (g^2 and |B|^2) is under
 /// this: 0.1 is body z within about 18 degrees of east or west. Recorded motions by hand shake both
-/// squares by up to 0.1 (0.1 g of acceleration, 5 % of field inhomogeneity).
+/// squares by up to 0.1 (0.1 g of acceleration, 5 % of field inhomogeneity). More would leave nothing: over
+/// a somersault towards north the sum falls to 1 - sin I, 0.14 at the reference site.
 pub const HALF_SPACE_LEAST_SUM: f64 = 0.1;
+
+/// [`flags::INCONSISTENT`] is set while the remembered excess of C^2 + S^2 over 1 is over this: a
+/// horizontal field that is longer or shorter by a quarter. If that is two standard deviations of what
+/// motion does, the heading, which motion turns by as much, is 7 degrees off (one standard deviation),
+/// and 30 degrees are four of them.
+pub const INCONSISTENCY_LIMIT: f64 = 0.5;
+
+/// [`flags::ACCELERATED`] is set while the remembered excess of the squared specific force over 1 g^2 is
+/// over this: an eighth of a g along gravity, or 0.5 g across it, which turns the vertical by 27 degrees.
+/// Hands push in all directions alike, so that an eighth along gravity is an eighth (7 degrees) across.
+pub const ACCELERATION_LIMIT: f64 = 0.25;
 
 /// The field is flagged as disturbed when the two expressions for the squared product of the
 /// vertical components of gravity and field, (sin I - b1 t1 - b2 t2)^2 and

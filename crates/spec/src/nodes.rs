@@ -38,8 +38,8 @@ impl SharedNode {
     pub const fn per_solution(&self, averaging: Averaging) -> usize {
         match self.writes {
             Writes::Conversion => averaging.summed_conversions() * averaging.blocks(),
-            Writes::Block => averaging.counted_blocks() * super::CHANNELS,
-            Writes::Channel => super::CHANNELS,
+            Writes::Block => averaging.counted_blocks() * averaging.channels(),
+            Writes::Channel => averaging.channels(),
             Writes::Once => 1,
         }
     }
@@ -62,13 +62,18 @@ pub const AVERAGE: SharedNode = node("average", "fs", Writes::Channel);
 pub const TILT_X: SharedNode = node("tilt_x", "g", Writes::Once);
 /// t2: gravity along body y.
 pub const TILT_Y: SharedNode = node("tilt_y", "g", Writes::Once);
-/// What the third tilt axis tells: the sign of the specific force along body z, 1 upside down, -1
-/// upright; 0 where none is fitted.
-pub const TILT_Z: SharedNode = node("tilt_z", "1", Writes::Once);
+/// t3: gravity along body z where a third tilt axis is measured; where it is at the comparator, its
+/// sign (1 upright, -1 upside down); 0 where none is fitted.
+pub const TILT_Z: SharedNode = node("tilt_z", "g", Writes::Once);
 /// b1: field along body x.
 pub const FIELD_X: SharedNode = node("field_x", "B", Writes::Once);
 /// b2: field along body y.
 pub const FIELD_Y: SharedNode = node("field_y", "B", Writes::Once);
+/// Gravity along body x in g: t1; over sqrt(t1^2 + t2^2 + t3^2) where a third tilt axis is measured. In all
+/// that follows it stands for t1.
+pub const GRAVITY_X: SharedNode = node("gravity_x", "g", Writes::Once);
+/// The same along body y, for t2.
+pub const GRAVITY_Y: SharedNode = node("gravity_y", "g", Writes::Once);
 /// Cosine of set 1's pitch: sqrt(max(0, 1 - t1^2)).
 pub const COS_1: SharedNode = node("cos_1", "1", Writes::Once);
 /// Cosine of set 2's first tilt angle: sqrt(max(0, 1 - t2^2)).
@@ -96,8 +101,15 @@ pub const DIP_PRODUCT: SharedNode = node("dip_product", "B", Writes::Once);
 /// 1 - b1^2 - b2^2: the squared z component of the field.
 pub const FIELD_Z_SQUARE: SharedNode = node("field_z_square", "B", Writes::Once);
 
+/// K = C^2 + S^2, both of set 1: the squared horizontal field over the calibration's.
+pub const HEADING_SQUARE: SharedNode = node("heading_square", "1", Writes::Once);
+/// What is left of |K - 1| ([`crate::flags::INCONSISTENT`]).
+pub const INCONSISTENCY: SharedNode = node("inconsistency", "1", Writes::Once);
+/// What is left of the excess of the specific force over gravity ([`crate::flags::ACCELERATED`]).
+pub const ACCELERATION: SharedNode = node("acceleration", "g2", Writes::Once);
+
 /// All shared nodes in signal order.
-pub const SHARED: [SharedNode; 22] = [
+pub const SHARED: [SharedNode; 27] = [
     SAMPLE,
     ACCUMULATOR,
     MEAN,
@@ -107,6 +119,8 @@ pub const SHARED: [SharedNode; 22] = [
     TILT_Z,
     FIELD_X,
     FIELD_Y,
+    GRAVITY_X,
+    GRAVITY_Y,
     COS_1,
     COS_2,
     DOWN,
@@ -120,4 +134,7 @@ pub const SHARED: [SharedNode; 22] = [
     ROLL,
     DIP_PRODUCT,
     FIELD_Z_SQUARE,
+    HEADING_SQUARE,
+    INCONSISTENCY,
+    ACCELERATION,
 ];

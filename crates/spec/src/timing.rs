@@ -1,5 +1,7 @@
 //! Clock, carrier, conversion and serial rates of the reference board, and its pin map.
 
+use crate::ThirdTilt;
+
 /// CPU clock in hertz: the fastest the part allows at 5 V, and 1000 cycles per carrier period.
 pub const CPU_HZ: u64 = 16_000_000;
 
@@ -64,21 +66,23 @@ pub const MOST_INTERRUPT_LATENCY_CYCLES: u64 = CONVERSION_CYCLES - ADC_RESULT_CY
 /// adds blocks to averages of any length.
 pub const BLOCK_ROUNDS: usize = 16;
 
-/// Conversions of a block; the channels are interleaved, one conversion each in turn.
+/// Conversions of a block of four channels; they are interleaved, one conversion each in turn.
 pub const BLOCK_CONVERSIONS: usize = BLOCK_ROUNDS * super::CHANNELS;
 
-/// CPU cycles of a block: 8 ms.
+/// CPU cycles of a block of four channels: 8 ms.
 pub const BLOCK_CYCLES: u64 = BLOCK_CONVERSIONS as u64 * CONVERSION_CYCLES;
 
 /// Blocks ignored after reset (neither summed nor published), while the analog filters settle: 12 of
 /// 8 ms are more than ten time constants of the slowest (28 Hz) low-pass. Solution periods follow.
 pub const WARM_UP_BLOCKS: usize = 12;
 
-/// How many conversions of a channel are averaged, and how often: once in a period, the last of it.
+/// How many conversions of a channel are averaged, and how often: once in a period, the last of it; and
+/// of how many channels, which are converted in turn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Averaging {
     log2: u8,
     period_log2: u8,
+    channels: u8,
 }
 
 impl Averaging {
@@ -90,9 +94,10 @@ impl Averaging {
     pub const DEFAULT: Self = Self {
         log2: Self::LEAST_PERIOD_LOG2,
         period_log2: Self::LEAST_PERIOD_LOG2,
+        channels: super::CHANNELS as u8,
     };
 
-    /// From the log2 of both numbers of conversions per channel; `None` if the period is not between
+    /// From the log2 of both numbers of conversions per channel, of four channels; `None` if the period is not between
     /// [`Self::LEAST_PERIOD_LOG2`] and [`Self::MOST_LOG2`], or shorter than what is averaged.
     #[must_use]
     pub const fn new(log2: u8, period_log2: u8) -> Option<Self> {
@@ -100,10 +105,53 @@ impl Averaging {
             && Self::LEAST_PERIOD_LOG2 <= period_log2
             && period_log2 <= Self::MOST_LOG2;
         if is_admissible {
-            Some(Self { log2, period_log2 })
+            Some(Self {
+                log2,
+                period_log2,
+                channels: super::CHANNELS as u8,
+            })
         } else {
             None
         }
+    }
+
+    /// The same with the channels that a device with `third_tilt` converts.
+    #[must_use]
+    pub const fn with(self, third_tilt: ThirdTilt) -> Self {
+        Self {
+            channels: third_tilt.channels() as u8,
+            ..self
+        }
+    }
+
+    /// Channels that are converted in turn.
+    #[must_use]
+    pub const fn channels(self) -> usize {
+        self.channels as usize
+    }
+
+    /// Conversions of a block.
+    #[must_use]
+    pub const fn block_conversions(self) -> usize {
+        BLOCK_ROUNDS * self.channels()
+    }
+
+    /// CPU cycles of a block: 8 ms for four channels, 10 ms for five.
+    #[must_use]
+    pub const fn block_cycles(self) -> u64 {
+        self.block_conversions() as u64 * CONVERSION_CYCLES
+    }
+
+    /// Conversions that are ignored after reset.
+    #[must_use]
+    pub const fn warm_up_conversions(self) -> usize {
+        WARM_UP_BLOCKS * self.block_conversions()
+    }
+
+    /// CPU cycles that they take.
+    #[must_use]
+    pub const fn warm_up_cycles(self) -> u64 {
+        WARM_UP_BLOCKS as u64 * self.block_cycles()
     }
 
     /// log2 of the conversions averaged per channel.
@@ -133,7 +181,7 @@ impl Averaging {
     /// Conversions of all channels from one solution to the next.
     #[must_use]
     pub const fn conversions(self) -> usize {
-        self.period() * super::CHANNELS
+        self.period() * self.channels()
     }
 
     /// CPU cycles from one solution to the next.
@@ -158,26 +206,33 @@ impl Averaging {
         }
     }
 
-    /// Conversions of each block that are summed, its last: all, or one average's.
+    /// Rounds of each block that are summed, its last: all, or one average's.
+    #[must_use]
+    pub const fn summed_rounds(self) -> usize {
+        if self.length() < BLOCK_ROUNDS {
+            self.length()
+        } else {
+            BLOCK_ROUNDS
+        }
+    }
+
+    /// Conversions of each block that are summed.
     #[must_use]
     pub const fn summed_conversions(self) -> usize {
-        if self.length() < BLOCK_ROUNDS {
-            self.length() * super::CHANNELS
-        } else {
-            BLOCK_CONVERSIONS
-        }
+        self.summed_rounds() * self.channels()
     }
 
     /// Whether conversion `index` of a period is one of those that are averaged.
     #[must_use]
     pub const fn counts(self, index: usize) -> bool {
-        index >= self.conversions() - self.length() * super::CHANNELS
+        index >= self.conversions() - self.length() * self.channels()
     }
 
     /// Whether conversion `index` of a period is summed in its block.
     #[must_use]
     pub const fn is_summed(self, index: usize) -> bool {
-        index % BLOCK_CONVERSIONS >= BLOCK_CONVERSIONS - self.summed_conversions()
+        let block = self.block_conversions();
+        index % block >= block - self.summed_conversions()
     }
 }
 
@@ -200,9 +255,10 @@ pub mod pins {
     /// Follows SELECT by [`super::SETTLING_CYCLES`]: while the two differ the band-pass has settled,
     /// and strobes reach the track-and-hold pair of the selected channel. OC2B.
     pub const SETTLED: &str = "PD3";
-    /// Positive input of the analog comparator: the third tilt channel, where fitted. AIN0.
+    /// Positive input of the analog comparator: the third tilt channel, where it is compared. AIN0.
+    /// (Where it is measured, it is on ADC4.)
     pub const THIRD_TILT: &str = "PD6";
-    /// Negative input of the analog comparator: mid supply, where a third tilt channel is fitted. AIN1.
+    /// Negative input of the analog comparator: mid supply, where a third tilt channel is compared. AIN1.
     pub const MID_SUPPLY: &str = "PD7";
     /// High while a solution is computed; an oscilloscope, or a bench, sees load and deadlines.
     pub const SOLVING: &str = "PB5";

@@ -13,6 +13,7 @@ use cardan_firmware::nodes::{
     Accumulator, Block, Centred, Cos1, CosRoll, Down, HeadingCos1, LevelCos, One, Radicand, Square,
     TiltGain, TiltProduct, TiltX, TiltY, Weight1, YawCorrection, YawDifference,
 };
+use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::LEN;
 use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 use cardan_units::AdcCode;
@@ -217,7 +218,7 @@ pub(crate) fn solutions(mut is_good: impl FnMut(usize, &Frame) -> bool) -> bool 
 pub(crate) const SETTINGS: Settings = Settings {
     words: NOMINAL,
     averaging: Averaging::DEFAULT,
-    third_tilt: false,
+    third_tilt: ThirdTilt::Absent,
     uncalibrated: false,
 };
 

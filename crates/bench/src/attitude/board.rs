@@ -1,21 +1,22 @@
 //! The breadboard of the attitude sensor, wired like its schematic: the chip's pins PB1 (carrier),
 //! PB2 (strobe), PB3 and PD3 (the tilt channels' multiplexer) drive the front end, whose four outputs
-//! are ADC0..ADC3; PB5 shows when the firmware computes; the serial line ends in the sink. Where a
-//! third tilt axis is fitted, its output is AIN0 (PD6), beside mid supply on AIN1 (PD7).
+//! are ADC0..ADC3; PB5 shows when the firmware computes; the serial line ends in the sink. A third tilt
+//! axis is on ADC4 where it is measured; where it is compared, it is on AIN0 (PD6), beside mid supply on
+//! AIN1 (PD7).
 //!
-//! The firmware reads the third axis after the last conversion of a solution. That conversion, and what
+//! The firmware reads the comparator after the last conversion of a solution. That conversion, and what
 //! follows it, waits here for the reading, so that it can be published with what belongs to it.
 
 use cardan_emulator::{AnalogInput, Conversion as Converted, Environment, Pin};
 use cardan_frontend::{AdcErrors, Frontend, Pin as DrivenPin};
-use cardan_golden::{Angles, EarthField, Readings, angles_of, codes_of, ideal_readings};
+use cardan_golden::{
+    Angles, Attitude, EarthField, Readings, angles_of, code_of_tilt_z, codes_of, ideal_readings,
+};
 use cardan_scenario::{Stimulus, Trajectory};
 use cardan_spec::calibration::Calibration;
 use cardan_spec::nodes;
-use cardan_spec::timing::{
-    Averaging, BLOCK_CONVERSIONS, BLOCK_CYCLES, CONVERSION_CYCLES, CPU_HZ, WARM_UP_BLOCKS,
-};
-use cardan_spec::{CHANNELS, Channel, REFERENCE_V, frame};
+use cardan_spec::timing::{Averaging, CONVERSION_CYCLES, CPU_HZ};
+use cardan_spec::{Channel, MOST_CHANNELS, REFERENCE_V, frame};
 use cardan_units::{Cycles, Volts};
 
 use super::schedule::Schedule;
@@ -26,9 +27,6 @@ use std::sync::Arc;
 
 /// Longest message kept while waiting for its delimiter: a text line or a broken frame.
 const LONGEST_MESSAGE: usize = 64;
-
-/// Conversions before the first period.
-const WARM_UP_CONVERSIONS: u64 = (WARM_UP_BLOCKS * BLOCK_CONVERSIONS) as u64;
 
 /// What the third tilt channel is compared with.
 const MID_SUPPLY_V: f64 = REFERENCE_V / 2.0;
@@ -53,8 +51,8 @@ pub(super) struct Board<'a> {
     /// Solutions of the run.
     pub(super) solutions: u64,
     pub(super) averaging: Averaging,
-    /// The firmware knows of a third tilt axis.
-    pub(super) third_tilt: bool,
+    /// The firmware knows of a third tilt axis at the comparator.
+    pub(super) has_comparator: bool,
     pub(super) state: State,
 }
 
@@ -83,7 +81,8 @@ pub(super) struct State {
 impl Board<'_> {
     /// Conversions of the whole run, warm-up included.
     pub(super) fn last_conversion(&self) -> u64 {
-        WARM_UP_CONVERSIONS + self.solutions * self.averaging.conversions() as u64
+        self.averaging.warm_up_conversions() as u64
+            + self.solutions * self.averaging.conversions() as u64
     }
 
     fn keep(&mut self, result: Result<(), SinkError>) {
@@ -100,28 +99,34 @@ impl Board<'_> {
 
     /// The bipolar code of memoryless ideal sensors of the true specific force and field, a group
     /// delay before `cycle`.
-    fn experienced_code(&self, cycle: u64, channel: usize) -> f64 {
+    fn experienced_code(&self, cycle: u64, channel: Channel) -> f64 {
         let experience = self.trajectory.at(self.instant_s(cycle));
-        let ([fx, fy, _], [bx, by, _]) = (experience.specific_force_g, experience.field_ut);
+        let ([fx, fy, fz], [bx, by, _]) = (experience.specific_force_g, experience.field_ut);
         let field = self.trajectory.field();
         let total_ut = libm::hypot(field.horizontal_ut, field.vertical_ut);
+        // Gravity is minus the specific force of a device at rest.
         let readings = Readings {
-            // Gravity is minus the specific force of a device at rest.
             tilt: [-fx, -fy],
             field: [bx / total_ut, by / total_ut],
         };
-        codes_of(&readings, &self.calibration).map_or(f64::NAN, |codes| codes[channel])
+        let code = match channel {
+            Channel::TiltZ => code_of_tilt_z(-fz, &self.calibration),
+            _ => codes_of(&readings, &self.calibration).map(|codes| codes[channel as usize]),
+        };
+        code.unwrap_or(f64::NAN)
     }
 
     /// The bipolar code of memoryless ideal sensors at rest in the true attitude, a group delay before
     /// `cycle`.
-    fn direct_code(&self, cycle: u64, channel: usize) -> f64 {
-        let t_s = self.instant_s(cycle);
+    fn direct_code(&self, cycle: u64, channel: Channel) -> f64 {
         let earth = EarthField::from(&self.calibration);
-        self.trajectory
-            .truth_at(t_s)
-            .and_then(|m| codes_of(&ideal_readings(&m, earth), &self.calibration))
-            .map_or(f64::NAN, |codes| codes[channel])
+        let code = |attitude: Attitude| match channel {
+            Channel::TiltZ => code_of_tilt_z(attitude[(2, 2)], &self.calibration),
+            _ => codes_of(&ideal_readings(&attitude, earth), &self.calibration)
+                .map(|codes| codes[channel as usize]),
+        };
+        let attitude = self.trajectory.truth_at(self.instant_s(cycle));
+        attitude.and_then(code).unwrap_or(f64::NAN)
     }
 
     /// The voltage of the third tilt channel, mid supply where none is fitted.
@@ -181,6 +186,24 @@ impl Board<'_> {
         self.state.missed_deadlines += self.state.pending.len() as u64;
     }
 
+    /// The channel of a conversion, if this device has it.
+    fn converted(&self, input: AnalogInput) -> Option<Channel> {
+        match input {
+            AnalogInput::Pin(pin) if usize::from(pin) < self.averaging.channels() => {
+                Channel::of(pin)
+            }
+            _ => None,
+        }
+    }
+
+    /// Bytes of a binary frame.
+    fn frame_len(&self) -> usize {
+        match self.averaging.channels() {
+            MOST_CHANNELS => frame::MOST_WIRE_LEN,
+            _ => frame::WIRE_LEN,
+        }
+    }
+
     fn publish(&mut self, conversion: &Conversion) {
         let result = self.sink.conversion(conversion);
         self.keep(result);
@@ -188,7 +211,9 @@ impl Board<'_> {
 
     /// Position in its period; none in the warm-up.
     fn index(&self, conversion: &Conversion) -> Option<usize> {
-        let settled = conversion.sequence.checked_sub(WARM_UP_CONVERSIONS)?;
+        let settled = conversion
+            .sequence
+            .checked_sub(self.averaging.warm_up_conversions() as u64)?;
         Some(settled as usize % self.averaging.conversions())
     }
 
@@ -199,7 +224,8 @@ impl Board<'_> {
     /// A solution's conversions are complete: its output instant is the centre of the hold instants
     /// of those that are averaged, less the group delay.
     fn complete(&mut self, done: u64) {
-        let mean = self.state.hold_sum as f64 / (self.averaging.length() * CHANNELS) as f64;
+        let conversions = self.averaging.length() * self.averaging.channels();
+        let mean = self.state.hold_sum as f64 / conversions as f64;
         self.state.hold_sum = 0;
         self.state.pending.push_back(done);
         let time_s = mean / CPU_HZ as f64 - self.frontend.design().group_delay_s();
@@ -228,7 +254,8 @@ impl Environment for Board<'_> {
             SOLVING if !level => {
                 // The deadline: done before the next block's conversions are complete.
                 if let Some(complete) = self.state.pending.pop_front() {
-                    self.state.missed_deadlines += u64::from(cycle > complete + BLOCK_CYCLES);
+                    self.state.missed_deadlines +=
+                        u64::from(cycle > complete + self.averaging.block_cycles());
                 }
                 return;
             }
@@ -246,7 +273,7 @@ impl Environment for Board<'_> {
 
     fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
         let channel = match input {
-            AnalogInput::Pin(pin) => Channel::ALL.get(usize::from(pin)),
+            AnalogInput::Pin(pin) => Channel::of(pin),
             AnalogInput::Ain0 => {
                 let volts = self.third_volts(cycle);
                 self.third_tilt_read(cycle, volts);
@@ -256,7 +283,7 @@ impl Environment for Board<'_> {
             _ => None,
         };
         // Unconnected inputs read 0 V.
-        let Some(&channel) = channel else { return 0.0 };
+        let Some(channel) = channel else { return 0.0 };
         match self.frontend.voltage(Cycles(cycle), channel) {
             Ok(Volts(volts)) => {
                 // The first conversion after enabling holds later by design.
@@ -284,12 +311,12 @@ impl Environment for Board<'_> {
         if sequence >= self.last_conversion() {
             return;
         }
-        let (AnalogInput::Pin(channel), Some((_, ideal_volts))) =
-            (event.input, self.state.ideal.take())
-        else {
+        let converted = self.converted(event.input);
+        let (Some(channel), Some((_, ideal_volts))) = (converted, self.state.ideal.take()) else {
             let what = format!(
-                "the firmware converted {:?}, where the attitude sensor has only ADC0 to ADC3",
-                event.input
+                "the firmware converted {:?}, where this attitude sensor has only ADC0 to ADC{}",
+                event.input,
+                self.averaging.channels() - 1
             );
             return self.keep(Err(what.into()));
         };
@@ -306,16 +333,16 @@ impl Environment for Board<'_> {
         let conversion = Conversion {
             sequence,
             cycle: event.hold_cycle,
-            channel,
+            channel: channel as u8,
             code: event.code,
             ideal_volts,
-            direct_code: self.direct_code(event.hold_cycle, usize::from(channel)),
-            experienced_code: self.experienced_code(event.hold_cycle, usize::from(channel)),
+            direct_code: self.direct_code(event.hold_cycle, channel),
+            experienced_code: self.experienced_code(event.hold_cycle, channel),
             late,
             lost,
             third_tilt: None,
         };
-        let waits = self.third_tilt && self.completes(&conversion);
+        let waits = self.has_comparator && self.completes(&conversion);
         if waits {
             self.third_tilt_missed(event.done_cycle);
         }
@@ -336,11 +363,12 @@ impl Environment for Board<'_> {
     }
 
     fn uart_tx(&mut self, cycle: u64, byte: u8) {
+        let frame_len = self.frame_len();
         let message = &mut self.state.message;
         self.state.schedule.byte(cycle, message.is_empty());
         message.push(byte);
         if byte == frame::DELIMITER
-            || byte == b'\n' && message.len() > frame::WIRE_LEN
+            || byte == b'\n' && message.len() > frame_len
             || message.len() == LONGEST_MESSAGE
         {
             let bytes = std::mem::take(message);

@@ -12,8 +12,8 @@ use cardan_golden::{Angles, rotation_angle, set_1_matrix};
 use cardan_scenario::field::EarthField;
 use cardan_scenario::scenario::MotionKind;
 use cardan_scenario::{Poses, Stimulus, Trajectory};
+use cardan_spec::flags;
 use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CONVERSION_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
-use cardan_spec::{CHANNELS, flags};
 use cardan_units::HalfTurns;
 use nalgebra::{Matrix3, Vector3};
 
@@ -21,8 +21,8 @@ use super::line::{Told, Unit};
 use super::{calibration_of, calibration_words, eeprom};
 use crate::calibration::{Accuracy, CalibrateError, Calibrated, HeldOut, Request, Visit};
 
-/// Rest before the first reading that counts: as long as the device itself waits after reset, more
-/// than ten time constants of the slowest filter.
+/// Rest before the first reading that counts: as long as a device of four channels itself waits after
+/// reset, more than ten time constants of the slowest filter.
 const SETTLE_S: f64 = WARM_UP_BLOCKS as f64 * BLOCK_CYCLES as f64 / CPU_HZ as f64;
 
 /// More than the group delay by which readings come after what they tell, in seconds.
@@ -105,13 +105,13 @@ pub(super) fn calibrate(request: &Request<'_>) -> Result<Calibrated, CalibrateEr
 }
 
 /// Seconds that `rounds` of conversions of all channels take.
-fn seconds_of(rounds: usize) -> f64 {
-    (rounds * CHANNELS) as f64 * CONVERSION_CYCLES as f64 / CPU_HZ as f64
+fn seconds_of(rounds: usize, averaging: Averaging) -> f64 {
+    (rounds * averaging.channels()) as f64 * CONVERSION_CYCLES as f64 / CPU_HZ as f64
 }
 
 /// Seconds from one solution to the next.
 fn period_s(averaging: Averaging) -> f64 {
-    seconds_of(averaging.period())
+    seconds_of(averaging.period(), averaging)
 }
 
 fn input(error: impl std::fmt::Display) -> CalibrateError {
@@ -145,7 +145,7 @@ fn visit(
     let averaging = settings.averaging;
     let seconds = poses.rest(poses.count() - 1).end + DELAY_S + period_s(averaging);
     let (told, remarks) = unit.run(&trajectory, seconds, settings, seed)?;
-    let half_s = seconds_of(averaging.length()) / 2.0;
+    let half_s = seconds_of(averaging.length(), averaging) / 2.0;
     let within = |rest: &Range<f64>, told: &&Told| {
         told.time_s - half_s >= rest.start + SETTLE_S && told.time_s + half_s <= rest.end
     };
@@ -278,6 +278,11 @@ impl Visits {
         let share = 1.0 / usable.len() as f64;
         let mut mean = Observation {
             averages: [0.0; 4],
+            tilt_z: usable
+                .iter()
+                .map(|told| told.tilt_z)
+                .sum::<Option<f64>>()
+                .map(|sum| share * sum),
             gravity: [0.0; 3],
             field: [0.0; 3],
         };

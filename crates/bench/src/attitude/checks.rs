@@ -8,18 +8,15 @@
 use cardan_frontend::Design;
 use cardan_frontend::adc::LSB_V;
 use cardan_outputs::Check;
-use cardan_scenario::Scenario;
-use cardan_spec::timing::{
-    Averaging, BLOCK_CONVERSIONS, CPU_HZ, MOST_INTERRUPT_LATENCY_CYCLES, WARM_UP_BLOCKS,
-};
-use cardan_spec::{CHANNELS, REFERENCE_V};
+use cardan_spec::timing::{Averaging, CPU_HZ, MOST_INTERRUPT_LATENCY_CYCLES};
+use cardan_spec::{MOST_CHANNELS, REFERENCE_V};
 use cardan_units::{AdcCode, Volts, ideal_bipolar_code};
 
 use crate::app::Evidence;
 use crate::engine::{Conversion, Summary};
 
 /// Names of the channels in conversion order.
-const NAMES: [&str; CHANNELS] = ["tilt_x", "tilt_y", "field_x", "field_y"];
+const NAMES: [&str; MOST_CHANNELS] = ["tilt_x", "tilt_y", "field_x", "field_y", "tilt_z"];
 
 /// Largest share of the time that the core may be awake: 1.5 times the tapped image's 20 %.
 const MOST_LOAD: f64 = 0.30;
@@ -31,8 +28,8 @@ pub(super) fn all(evidence: &Evidence<'_>) -> Result<Vec<Check>, String> {
     let design = Design::new(evidence.scenario)
         .map_err(|error| format!("scenario {}: {error}", evidence.scenario.name))?;
     let mut checks = Vec::new();
-    checks.extend(front_end(evidence.scenario, evidence.conversions));
-    checks.extend(converter(evidence.scenario, evidence.conversions));
+    checks.extend(front_end(evidence));
+    checks.extend(converter(evidence));
     checks.push(output_instants(evidence, &design));
     checks.extend(controller(evidence.summary));
     Ok(checks)
@@ -69,14 +66,18 @@ impl Spread {
 }
 
 /// Conversions of a channel after the warm-up.
-fn settled(conversions: &[Conversion], channel: usize) -> impl Iterator<Item = &Conversion> {
-    let settled = conversions.iter().skip(WARM_UP_BLOCKS * BLOCK_CONVERSIONS);
+fn settled<'a>(
+    evidence: &Evidence<'a>,
+    channel: usize,
+) -> impl Iterator<Item = &'a Conversion> + use<'a> {
+    let warm_up = evidence.configuration.averaging().warm_up_conversions();
+    let settled = evidence.conversions.iter().skip(warm_up);
     settled.filter(move |conversion| usize::from(conversion.channel) == channel)
 }
 
 /// The mean of a channel's voltages less what ideal sensors would have given.
-fn front_end(scenario: &Scenario, conversions: &[Conversion]) -> Vec<Check> {
-    let tolerance = &scenario.tolerance.channels;
+fn front_end(evidence: &Evidence<'_>) -> Vec<Check> {
+    let tolerance = &evidence.scenario.tolerance.channels;
     let Some(most) = tolerance.bias_lsb else {
         return Vec::new();
     };
@@ -85,7 +86,7 @@ fn front_end(scenario: &Scenario, conversions: &[Conversion]) -> Vec<Check> {
             let held = ideal_bipolar_code(Volts(conversion.ideal_volts), Volts(REFERENCE_V));
             held - conversion.experienced_code
         };
-        let spread = Spread::of(settled(conversions, channel).map(difference));
+        let spread = Spread::of(settled(evidence, channel).map(difference));
         Check {
             party: "sensors and front end".to_owned(),
             what: format!(
@@ -99,11 +100,14 @@ fn front_end(scenario: &Scenario, conversions: &[Conversion]) -> Vec<Check> {
             reason: tolerance.reason.clone(),
         }
     };
-    (0..CHANNELS).map(check).collect()
+    (0..evidence.configuration.averaging().channels())
+        .map(check)
+        .collect()
 }
 
 /// Codes against the voltages that the converter held.
-fn converter(scenario: &Scenario, conversions: &[Conversion]) -> Vec<Check> {
+fn converter(evidence: &Evidence<'_>) -> Vec<Check> {
+    let scenario = evidence.scenario;
     let adc = &scenario.adc;
     let noise = if scenario.noise.enabled {
         adc.noise_lsb
@@ -115,9 +119,9 @@ fn converter(scenario: &Scenario, conversions: &[Conversion]) -> Vec<Check> {
     let quantisation = 1.0 / 12_f64.sqrt();
     let expected = noise.hypot(quantisation);
     let mut checks = Vec::new();
-    for channel in 0..CHANNELS {
+    for channel in 0..evidence.configuration.averaging().channels() {
         // At the ends of the scale codes are limited.
-        let inside = settled(conversions, channel)
+        let inside = settled(evidence, channel)
             .filter(|conversion| !AdcCode(conversion.code).is_clipped())
             .filter(|conversion| (LSB_V..REFERENCE_V - LSB_V).contains(&conversion.ideal_volts));
         let error = |conversion: &Conversion| {
@@ -164,7 +168,7 @@ fn output_instants(evidence: &Evidence<'_>, design: &Design) -> Check {
     let averaging = evidence.configuration.averaging();
     let solutions = evidence
         .conversions
-        .get(WARM_UP_BLOCKS * BLOCK_CONVERSIONS..)
+        .get(averaging.warm_up_conversions()..)
         .unwrap_or_default()
         .chunks_exact(averaging.conversions());
     let instant = |solution: &[Conversion]| centre_s(solution, averaging) - design.group_delay_s();

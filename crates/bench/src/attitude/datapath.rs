@@ -6,18 +6,22 @@ use cardan_firmware::attitude::{self, solve};
 use cardan_firmware::averaging::Decimator;
 use cardan_firmware::calibration::Calibration;
 use cardan_numerics::Datapath;
+use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::WORDS;
-use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
+use cardan_spec::timing::Averaging;
 use cardan_units::AdcCode;
 
-/// The attitude with these calibration words; a step's inputs are the codes of one period, in the
-/// order of conversion, and what the third tilt axis tells (1, -1; 0 where none is fitted).
+/// The attitude with these calibration words; a step's inputs are the codes of one period, in the order of
+/// conversion, and the sign of gravity along body z where the third tilt axis is at the comparator (1, -1;
+/// else 0).
 #[derive(Clone, Debug)]
 pub struct AttitudeDatapath {
     /// Words of the EEPROM image.
     pub words: [i32; WORDS],
-    /// Lengths of averages and periods.
+    /// Lengths of averages and periods, and the channels of `third_tilt`.
     pub averaging: Averaging,
+    /// The third tilt axis.
+    pub third_tilt: ThirdTilt,
 }
 
 /// Calibration, averager and what solutions leave to each other.
@@ -33,18 +37,18 @@ impl Datapath for AttitudeDatapath {
     fn start<M: Arithmetic>(&self, m: &M) -> State<M> {
         let mut decimator = Decimator::new(m, self.averaging);
         // The warm-up is ignored before it reaches the arithmetic.
-        for _ in 0..WARM_UP_BLOCKS * BLOCK_CONVERSIONS {
+        for _ in 0..self.averaging.warm_up_conversions() {
             decimator.push(m, AdcCode(0));
         }
         State {
-            calibration: Calibration::new(m, &self.words),
+            calibration: Calibration::new(m, &self.words, self.third_tilt),
             decimator,
-            state: attitude::State::new(m),
+            state: attitude::State::new(m, self.averaging),
         }
     }
 
     fn step<M: Arithmetic>(&self, m: &M, state: &mut State<M>, inputs: &[i32]) {
-        let Some((&tilt_z, codes)) = inputs.split_last() else {
+        let Some((&sign, codes)) = inputs.split_last() else {
             return;
         };
         for &code in codes {
@@ -52,7 +56,7 @@ impl Datapath for AttitudeDatapath {
             let code = AdcCode(code as u16);
             if let Some(averages) = state.decimator.push(m, code) {
                 let (calibration, memory) = (&state.calibration, &mut state.state);
-                solve(m, calibration, memory, &averages, tilt_z.signum() as i8);
+                solve(m, calibration, memory, &averages, sign.signum() as i8);
             }
         }
     }

@@ -3,7 +3,8 @@
 use cardan_firmware::calibration::Settings;
 use cardan_firmware::frame::crc16;
 use cardan_scenario::{Scenario, Trajectory, report};
-use cardan_spec::calibration::{AVERAGING_AT, LEN, MAGIC, PERIOD_AT, VERSION, WORDS};
+use cardan_spec::ThirdTilt;
+use cardan_spec::calibration::{AVERAGING_AT, LEN, MAGIC, OPTIONS_AT, PERIOD_AT, VERSION, WORDS};
 
 use super::calibration_words;
 use crate::image::{EepromImage, Firmware};
@@ -15,20 +16,27 @@ pub(super) fn settings_for(
     trajectory: &Trajectory,
     firmware: &Firmware,
 ) -> Result<Settings, String> {
-    let is_fitted = scenario.sensors.third_tilt;
+    let third_tilt = scenario.sensors.third_tilt;
     match &firmware.eeprom {
-        Some(image) => match settings(image)? {
-            settings if settings.third_tilt && !is_fitted => Err(format!(
-                "{}: says that a third tilt axis is fitted, which scenario {} does not fit: set \
-                 sensors.third_tilt to true, or give the image of a device without one",
-                image.name, scenario.name
-            )),
-            settings => Ok(settings),
-        },
+        Some(image) => {
+            let settings = settings(image)?;
+            let read = settings.third_tilt;
+            if read.is_fitted() && read != third_tilt {
+                return Err(format!(
+                    "{}: is of a device whose third tilt axis is '{}', in scenario {} it is '{}': set \
+                     sensors.third_tilt to the former, or give the image of such a device",
+                    image.name,
+                    read.name(),
+                    scenario.name,
+                    third_tilt.name()
+                ));
+            }
+            Ok(settings)
+        }
         None => Ok(Settings {
             words: calibration_words(&report::calibration(scenario, trajectory)),
-            averaging: scenario.controller.averaging(),
-            third_tilt: is_fitted,
+            averaging: scenario.controller.averaging().with(third_tilt),
+            third_tilt,
             uncalibrated: false,
         }),
     }
@@ -77,6 +85,13 @@ pub(super) fn settings(image: &EepromImage) -> Result<Settings, String> {
     let settings = Settings::from_image(head);
     if settings.uncalibrated {
         let (average, period) = (head[AVERAGING_AT], head[PERIOD_AT]);
+        let options = head[OPTIONS_AT];
+        if ThirdTilt::from_options(options).is_none() {
+            return fail(format!(
+                "options {options:#04x} at address {OPTIONS_AT}, expected 0 (no third tilt axis), 1 (at the \
+                 comparator) or 2 (measured)"
+            ));
+        }
         return fail(format!(
             "averages of 2^{average} once in 2^{period} conversions at address {AVERAGING_AT}, which \
              the device does not do"
@@ -95,7 +110,7 @@ mod tests {
         Settings {
             words: std::array::from_fn(|i| i as i32 * 1_000_003),
             averaging: Averaging::new(7, 9).unwrap(),
-            third_tilt: true,
+            third_tilt: ThirdTilt::Comparator,
             uncalibrated: false,
         }
     }
@@ -126,6 +141,14 @@ mod tests {
     fn lengths_that_the_device_does_not_average_are_refused() {
         let message = with(resealed(AVERAGING_AT, 10)).unwrap_err();
         assert!(message.contains("2^10 once in 2^9"), "{message}");
+    }
+
+    #[test]
+    fn options_that_the_device_does_not_know_are_refused() {
+        for options in [3, 4, 0x80] {
+            let message = with(resealed(OPTIONS_AT, options)).unwrap_err();
+            assert!(message.contains("at address 6, expected 0"), "{message}");
+        }
     }
 
     #[test]

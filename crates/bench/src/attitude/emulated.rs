@@ -7,18 +7,15 @@ use cardan_emulator::{ATMEGA328P, Machine, Stop};
 use cardan_firmware::nodes::{Accumulator, Sample};
 use cardan_frontend::{AdcErrors, Design, Frontend};
 use cardan_scenario::{Scenario, Trajectory};
+use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::{Calibration, LEN};
-use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
+use cardan_spec::timing::{Averaging, CPU_HZ};
 
 use super::board::{Board, State};
 use super::{calibration_of, settings_of};
 use crate::app::Configuration;
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 use crate::image::Firmware;
-
-/// Cycles after the last solution's conversions in which its frame must be out: computing takes
-/// less than one block's time, or the deadline is missed, and the frame a quarter of one.
-const LAST_FRAME_CYCLES: u64 = BLOCK_CYCLES;
 
 /// A machine with its firmware, ready on a board.
 pub(super) struct EmulatedEngine {
@@ -30,7 +27,7 @@ pub(super) struct EmulatedEngine {
     calibration: Calibration,
     solutions: u64,
     averaging: Averaging,
-    third_tilt: bool,
+    third_tilt: ThirdTilt,
 }
 
 impl EmulatedEngine {
@@ -79,12 +76,14 @@ impl Engine for EmulatedEngine {
             sink,
             solutions: self.solutions,
             averaging: self.averaging,
-            third_tilt: self.third_tilt,
+            has_comparator: self.third_tilt == ThirdTilt::Comparator,
             state: State::default(),
         };
-        let limit = WARM_UP_BLOCKS as u64 * BLOCK_CYCLES
+        // The last frame must be out a block's time after the last solution's conversions: computing takes
+        // less, or the deadline is missed, and the frame a quarter of it.
+        let limit = self.averaging.warm_up_cycles()
             + self.solutions * self.averaging.cycles()
-            + LAST_FRAME_CYCLES;
+            + self.averaging.block_cycles();
         let stop = self.machine.run(&mut board, limit);
         board.finish(self.machine.statistics().cycles);
         if let Some(error) = board.state.error.take() {

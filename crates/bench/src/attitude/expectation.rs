@@ -5,7 +5,6 @@ use cardan_datapath::Format;
 use cardan_firmware::calibration::Settings;
 use cardan_numerics::tape::{Tape, Uncertainty};
 use cardan_spec::flags;
-use cardan_spec::timing::{BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
 
 use super::{AttitudeDatapath, step_inputs};
 use crate::engine::{Conversion, Conversions, Engine, EngineError, Sink, Summary};
@@ -32,8 +31,8 @@ impl Engine for ExpectationEngine {
         sink: &mut dyn Sink,
     ) -> Result<Summary, EngineError> {
         let conversions = conversions.collect::<Result<Vec<Conversion>, _>>()?;
-        let settled = conversions.get(WARM_UP_BLOCKS * BLOCK_CONVERSIONS..);
         let averaging = self.settings.averaging;
+        let settled = conversions.get(averaging.warm_up_conversions()..);
         let solutions = settled
             .unwrap_or_default()
             .chunks_exact(averaging.conversions());
@@ -41,8 +40,12 @@ impl Engine for ExpectationEngine {
         if steps.is_empty() {
             return Ok(Summary::default());
         }
-        let words = self.settings.words;
-        let (tape, inputs) = Tape::record(&AttitudeDatapath { words, averaging }, &steps)
+        let datapath = AttitudeDatapath {
+            words: self.settings.words,
+            averaging,
+            third_tilt: self.settings.third_tilt,
+        };
+        let (tape, inputs) = Tape::record(&datapath, &steps)
             .map_err(|error| EngineError::Input(format!("the attitude datapath: {error}")))?;
         let mut uncertainty = Uncertainty::new(&tape, &self.formats, flags::DOMAIN);
         for (at, solution) in solutions.enumerate() {

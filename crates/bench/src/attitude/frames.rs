@@ -4,7 +4,8 @@ use cardan_golden::frame::{Frame, FrameError, decode as decode_golden};
 use cardan_outputs::{Message, Outputs, Quantity, StatusBit};
 use cardan_spec::frame::FRAC;
 use cardan_spec::nodes::{AVERAGE, PITCH, ROLL, SharedNode, YAW};
-use cardan_spec::{CHANNELS, flags};
+use cardan_spec::timing::Averaging;
+use cardan_spec::{CHANNELS, Channel, MOST_CHANNELS, flags};
 
 /// Names of the averages, in the order of the frame.
 const AVERAGES: [&str; CHANNELS] = [
@@ -24,13 +25,16 @@ pub(super) fn decode(bytes: &[u8]) -> Result<Message, String> {
     let frame = decode_frame(bytes).map_err(|error| error.to_string())?;
     Ok(Message {
         sequence: frame.sequence.into(),
-        values: frame.averages.into_iter().chain(frame.angles).collect(),
+        values: (frame.averages.into_iter())
+            .chain(frame.angles)
+            .chain(frame.tilt_z)
+            .collect(),
         status: frame.status.into(),
     })
 }
 
-/// What a frame carries.
-pub(super) fn outputs() -> Outputs {
+/// What a frame carries; the third tilt axis comes last, where it is measured.
+pub(super) fn outputs(averaging: Averaging) -> Outputs {
     let step = 1.0 / f64::from(1_u32 << FRAC);
     let quantity = |name: &str, node: &SharedNode, write: usize| Quantity {
         name: name.to_owned(),
@@ -48,8 +52,13 @@ pub(super) fn outputs() -> Outputs {
     };
     let averages = AVERAGES.iter().enumerate();
     let averages = averages.map(|(write, name)| quantity(name, &AVERAGE, write));
+    let is_measured = averaging.channels() == MOST_CHANNELS;
+    let tilt_z = is_measured.then(|| quantity("average_tilt_z", &AVERAGE, Channel::TiltZ as usize));
     Outputs {
-        quantities: averages.chain([&YAW, &PITCH, &ROLL].map(angle)).collect(),
+        quantities: averages
+            .chain([&YAW, &PITCH, &ROLL].map(angle))
+            .chain(tilt_z)
+            .collect(),
         status: flags::NAMES
             .iter()
             .map(|&(mask, name)| StatusBit {

@@ -36,8 +36,7 @@ impl Engine for GoldenEngine {
         let mut writes = Vec::new();
         for conversion in conversions {
             let conversion = conversion?;
-            let channel = Channel::ALL
-                .get(usize::from(conversion.channel))
+            let channel = Channel::of(conversion.channel)
                 .ok_or_else(|| EngineError::Input(format!("channel {}", conversion.channel)))?;
             let code = AdcCode(conversion.code);
             let fed = match self.feed {
@@ -58,7 +57,7 @@ impl Engine for GoldenEngine {
             self.late |= conversion.late || conversion.lost;
             let solution = self
                 .golden
-                .convert(*channel, fed, clipped, &mut |node, value| {
+                .convert(channel, fed, clipped, &mut |node, value| {
                     writes.push((node, value));
                 });
             for (node, value) in writes.drain(..) {

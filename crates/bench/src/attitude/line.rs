@@ -29,6 +29,8 @@ pub(super) struct Told {
     pub(super) time_s: f64,
     /// Averages over full scale.
     pub(super) averages: [f64; CHANNELS],
+    /// The same of the third tilt axis, where it is measured.
+    pub(super) tilt_z: Option<f64>,
     /// Yaw, pitch, roll in half turns.
     pub(super) angles: [f64; 3],
     /// Status bits.
@@ -124,6 +126,7 @@ impl Told {
         Self {
             time_s,
             averages: frame.averages,
+            tilt_z: frame.tilt_z,
             angles: frame.angles,
             flags: frame.status,
         }

@@ -11,10 +11,11 @@ use cardan_firmware::calibration::{Calibration, Settings};
 use cardan_firmware::frame::Frame;
 use cardan_firmware::nodes::NODE_COUNT;
 use cardan_numerics::{Formats, Mixed, Observer};
+use cardan_spec::ThirdTilt;
 use cardan_spec::frame::FRAC;
 use cardan_units::AdcCode;
 
-use super::tilt_z;
+use super::sign;
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 
 /// A node, its value, and its word where it has one.
@@ -99,6 +100,7 @@ impl MixedEngine {
         Frame {
             sequence,
             averages: averages.values.map(|average| word(average, formats)),
+            third: self.settings.third_tilt == ThirdTilt::Measured,
             angles: [
                 word(angles.yaw, formats),
                 word(angles.pitch, formats),
@@ -127,15 +129,15 @@ impl Engine for MixedEngine {
         sink: &mut dyn Sink,
     ) -> Result<Summary, EngineError> {
         let m = &self.m;
-        let calibration = Calibration::new(m, &self.settings.words);
-        let mut state = State::new(m);
+        let calibration = Calibration::new(m, &self.settings.words, self.settings.third_tilt);
+        let mut state = State::new(m, self.settings.averaging);
         let mut decimator = Decimator::new(m, self.settings.averaging);
         let mut sequence = 0_u16;
         for conversion in conversions {
             let conversion = conversion?;
             let averages = decimator.push(m, AdcCode(conversion.code));
             let solved = averages.map(|averages| {
-                let angles = solve(m, &calibration, &mut state, &averages, tilt_z(&conversion));
+                let angles = solve(m, &calibration, &mut state, &averages, sign(&conversion));
                 (averages, angles)
             });
             self.pass_on(conversion.cycle, sink)?;

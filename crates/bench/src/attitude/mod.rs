@@ -30,7 +30,7 @@ use cardan_outputs::{Check, Message, Outputs};
 use cardan_scenario::{Scenario, Trajectory};
 use cardan_spec::calibration::{Calibration, FRAC, WORDS};
 use cardan_spec::nodes::SHARED;
-use cardan_spec::timing::{Averaging, BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS};
+use cardan_spec::timing::{Averaging, CPU_HZ};
 use cardan_tune::Problem;
 use cardan_units::AdcCode;
 
@@ -75,7 +75,7 @@ fn settings_of(configuration: &Configuration) -> Settings {
     Settings {
         words: words_of(configuration),
         averaging: configuration.averaging(),
-        third_tilt: configuration.third_tilt,
+        third_tilt: configuration.third_tilt(),
         uncalibrated: false,
     }
 }
@@ -87,14 +87,14 @@ fn configuration_of(settings: &Settings, seconds: f64) -> Result<Configuration, 
         solutions: solutions_in(seconds, settings.averaging)?,
         averaging_log2: settings.averaging.log2(),
         period_log2: settings.averaging.period_log2(),
-        third_tilt: settings.third_tilt,
+        third_tilt: settings.third_tilt as u8,
     })
 }
 
 /// Whole solutions in `seconds`, the warm-up taken off.
 fn solutions_in(seconds: f64, averaging: Averaging) -> Result<u64, String> {
     let cycles = seconds * CPU_HZ as f64;
-    let warm_up = WARM_UP_BLOCKS as u64 * BLOCK_CYCLES;
+    let warm_up = averaging.warm_up_cycles();
     let solutions = ((cycles - warm_up as f64) / averaging.cycles() as f64).floor();
     if solutions < 1.0 {
         let period = averaging.cycles() as f64 / CPU_HZ as f64;
@@ -198,7 +198,7 @@ impl App for Attitude {
         formats: Option<&[Format]>,
         conversions: &[Conversion],
     ) -> Result<Box<dyn RoundingSteps>, String> {
-        let input = |conversion: &Conversion| (AdcCode(conversion.code), tilt_z(conversion));
+        let input = |conversion: &Conversion| (AdcCode(conversion.code), sign(conversion));
         Ok(Box::new(rounding::Steps::new(
             formats_of(formats)?,
             &settings_of(configuration),
@@ -235,8 +235,8 @@ impl App for Attitude {
         checks::all(evidence)
     }
 
-    fn outputs(&self) -> Outputs {
-        frames::outputs()
+    fn outputs(&self, configuration: &Configuration) -> Outputs {
+        frames::outputs(configuration.averaging())
     }
 
     fn decode(&self, bytes: &[u8]) -> Result<Message, String> {
@@ -257,15 +257,15 @@ impl App for Attitude {
     }
 }
 
-/// What the solver takes with the conversion that completes a solution.
-fn tilt_z(conversion: &Conversion) -> i8 {
-    let sign = |third: ThirdTilt| if third.upside_down { 1 } else { -1 };
+/// The sign of gravity along body z that the comparator tells with the conversion that completes a solution.
+fn sign(conversion: &Conversion) -> i8 {
+    let sign = |third: ThirdTilt| if third.upside_down { -1 } else { 1 };
     conversion.third_tilt.map_or(0, sign)
 }
 
 /// What a step of the datapath takes of one solution's conversions: their codes, and the third axis.
 fn step_inputs(solution: &[Conversion]) -> Vec<i32> {
-    let third = solution.last().map_or(0, tilt_z);
+    let third = solution.last().map_or(0, sign);
     let codes = solution.iter().map(|c| i32::from(c.code));
     codes.chain([i32::from(third)]).collect()
 }

@@ -10,7 +10,7 @@ use cardan_firmware::device::Solver;
 use cardan_firmware::nodes::NODE_COUNT;
 use cardan_units::AdcCode;
 
-use super::tilt_z;
+use super::sign;
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 
 /// Collects writes until the engine passes them on.
@@ -73,7 +73,7 @@ impl Engine for NativeEngine {
         for conversion in conversions {
             let conversion = conversion?;
             let averages = self.decimator.push(&self.m, AdcCode(conversion.code));
-            let frame = averages.map(|averages| self.solver.solve(&averages, tilt_z(&conversion)));
+            let frame = averages.map(|averages| self.solver.solve(&averages, sign(&conversion)));
             self.pass_on(conversion.cycle, sink)?;
             if let Some(frame) = frame {
                 sink.frame(conversion.cycle, &frame.encode())?;

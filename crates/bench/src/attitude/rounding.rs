@@ -10,7 +10,7 @@ use cardan_firmware::averaging::{Averages, Decimator};
 use cardan_firmware::calibration::{Calibration, Settings};
 use cardan_firmware::nodes::{Accumulator, Average, Block, Mean, Sample};
 use cardan_numerics::{Formats, Mixed, Number};
-use cardan_spec::CHANNELS;
+use cardan_spec::MOST_CHANNELS;
 use cardan_units::AdcCode;
 
 use crate::app::RoundingSteps;
@@ -27,24 +27,24 @@ const _: () = {
 
 type Arithmetic = Mixed<Silent>;
 
-/// A conversion, and what the third tilt axis tells with it.
+/// A conversion, and what a third tilt axis at the comparator tells with it.
 type Input = (AdcCode, i8);
 
 /// What a solution is computed from, whatever the formats behind the averaging.
 struct Averaged {
-    values: [Number; CHANNELS],
+    values: [Number; MOST_CHANNELS],
     clipped: bool,
     late: bool,
-    tilt_z: i8,
+    sign: i8,
 }
 
 impl Averaged {
-    fn new(averages: &Averages<Arithmetic>, tilt_z: i8) -> Self {
+    fn new(averages: &Averages<Arithmetic>, sign: i8) -> Self {
         Self {
             values: averages.values.map(Value::word),
             clipped: averages.clipped,
             late: averages.late,
-            tilt_z,
+            sign,
         }
     }
 
@@ -81,9 +81,9 @@ impl Steps {
 fn averaged(formats: &Formats, settings: &Settings, inputs: &[Input]) -> Vec<Averaged> {
     let m = Mixed::new(formats, Silent);
     let mut decimator = Decimator::new(&m, settings.averaging);
-    let solutions = inputs.iter().filter_map(|&(code, tilt_z)| {
+    let solutions = inputs.iter().filter_map(|&(code, sign)| {
         let averages = decimator.push(&m, code)?;
-        Some(Averaged::new(&averages, tilt_z))
+        Some(Averaged::new(&averages, sign))
     });
     solutions.collect()
 }
@@ -99,12 +99,12 @@ impl RoundingSteps for Steps {
             &real
         };
         let m = Mixed::new(&formats, Silent);
-        let calibration = Calibration::new(&m, &self.settings.words);
-        let mut state = State::new(&m);
+        let calibration = Calibration::new(&m, &self.settings.words, self.settings.third_tilt);
+        let mut state = State::new(&m, self.settings.averaging);
         let mut attitudes = [const { Vec::new() }; 3];
         for solution in solutions {
             let averages = solution.averages();
-            let angles = solve(&m, &calibration, &mut state, &averages, solution.tilt_z);
+            let angles = solve(&m, &calibration, &mut state, &averages, solution.sign);
             let angles = [angles.yaw.word(), angles.pitch.word(), angles.roll.word()];
             for (values, angle) in attitudes.iter_mut().zip(angles) {
                 values.push(angle.real);

@@ -2,9 +2,8 @@
 
 use cardan_firmware::nodes::{Accumulator, NODES, Pitch, Roll, Sample, Yaw};
 use cardan_golden::{Angles, rotation_angle, set_1_matrix};
+use cardan_spec::flags;
 use cardan_spec::nodes::SHARED;
-use cardan_spec::timing::{BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
-use cardan_spec::{CHANNELS, flags};
 use cardan_tune::{Case, Combined, Problem, Quantity};
 use cardan_units::{AdcCode, HalfTurns};
 
@@ -65,26 +64,32 @@ fn rotation_error(values: &[f64], references: &[f64]) -> f64 {
 
 fn case(run: &RecordedRun) -> Result<Case, String> {
     let averaging = run.configuration.averaging();
-    let settled = WARM_UP_BLOCKS * BLOCK_CONVERSIONS;
+    let third_tilt = run.configuration.third_tilt();
+    let settled = averaging.warm_up_conversions();
     let conversions = run.conversions.get(settled..).unwrap_or_default();
     let steps: Vec<Vec<i32>> = conversions
         .chunks_exact(averaging.conversions())
         .map(|solution| {
-            let last = solution.last().map_or(0, super::tilt_z);
+            let last = solution.last().map_or(0, super::sign);
             let codes = solution.iter().map(|c| i32::from(c.code));
             codes.chain([i32::from(last)]).collect()
         })
         .collect();
     let words = words_of(&run.configuration);
-    let recorded = Case::record(&run.name, &AttitudeDatapath { words, averaging }, &steps);
+    let datapath = AttitudeDatapath {
+        words,
+        averaging,
+        third_tilt,
+    };
+    let recorded = Case::record(&run.name, &datapath, &steps);
     let mut case = recorded.map_err(|error| format!("{}: {error}", run.name))?;
     let (lowest, highest) = (AdcCode(0).bipolar(), AdcCode(1023).bipolar());
     case.ports = vec![(lowest.into(), highest.into()); case.ports.len()];
-    // The third tilt axis comes last. A device without one must not lose the node that others need.
+    // The comparator's sign comes last. A device without one must not lose the node that others need.
     if let Some(third) = case.ports.last_mut() {
         *third = (-1, 1);
     }
-    case.channels = CHANNELS;
+    case.channels = averaging.channels();
     case.references = golden_angles(run)?;
     case.truths = true_angles(&run.truths, steps.len());
     for series in &case.references {

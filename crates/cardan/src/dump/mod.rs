@@ -28,7 +28,7 @@ pub(crate) struct DumpOptions {
     #[arg(long, value_name = "FILE")]
     dump: Option<PathBuf>,
     /// A signal to dump instead, by cycle; may be repeated: a node, `code`, a pin (PB1), adc0_V to
-    /// adc3_V (ideal voltage at the hold instants), or a voltage inside the front end then
+    /// adc4_V (ideal voltage at the hold instants), or a voltage inside the front end then
     /// (adc0_band_pass_V, adc0_hold_plus_V, adc0_hold_minus_V, adc0_low_pass_V)
     #[arg(long, value_name = "NAME", requires = "dump")]
     dump_signal: Vec<String>,

@@ -3,7 +3,7 @@
 use cardan_bench::App;
 use cardan_emulator::Pin;
 use cardan_frontend::Inner;
-use cardan_spec::CHANNELS;
+use cardan_spec::MOST_CHANNELS;
 
 /// A signal that can be dumped.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -58,9 +58,9 @@ const CODE: &str = "code";
 /// Pins of the controller: three ports of eight.
 const PINS: u16 = 24;
 /// What may be named, for messages.
-const EXPECTED: &str = "expected a node, code, a pin (PB0 to PD7), adc0_V to adc3_V, or \
+const EXPECTED: &str = "expected a node, code, a pin (PB0 to PD7), adc0_V to adc4_V, or \
                         adc0_band_pass_V, adc0_hold_plus_V, adc0_hold_minus_V, adc0_low_pass_V (to \
-                        adc3_...)";
+                        adc4_...)";
 /// Names that are less alike than this are no suggestions.
 const ALIKE: f64 = 0.75;
 
@@ -113,7 +113,7 @@ impl Signal {
 
 /// All voltages.
 fn analog() -> impl Iterator<Item = Signal> {
-    (0..CHANNELS as u8).flat_map(|channel| {
+    (0..MOST_CHANNELS as u8).flat_map(|channel| {
         let inner = Stage::ALL.map(|(stage, _)| Signal::Inner(channel, stage));
         [Signal::Voltage(channel)].into_iter().chain(inner)
     })

@@ -18,8 +18,8 @@ const PASSED_HALVES: core::ops::Range<u8> = (timing::STROBE_COUNT as u8 + 1) / 2
 /// 25 clocks instead of 13.5; it lies in the warm-up.
 pub fn initialise(adc: &ADC) {
     adc.admux().write(|w| unsafe { w.bits(REFERENCE_AVCC) });
-    // Digital input buffers off on the four analog pins.
-    adc.didr0().write(|w| unsafe { w.bits(0x0f) });
+    // Digital input buffers off on the analog pins, a third tilt axis's among them.
+    adc.didr0().write(|w| unsafe { w.bits(0x1f) });
     adc.adcsrb().write(|w| w.adts().set(0b101));
     adc.adcsra().write(|w| {
         w.aden().set_bit().adate().set_bit().adie().set_bit().adps().prescaler_128()

@@ -2,13 +2,13 @@
 
 use avr_device::atmega328p::Peripherals;
 
-/// What it tells now, as the solver takes it: 1 upside down (the channel above mid supply), -1 upright,
-/// 0 if none is `fitted`; then nobody touches the comparator. (It is on since reset.)
-pub fn tilt_z(fitted: bool) -> i8 {
+/// The sign of gravity along body z now, as the solver takes it: 1 upright, -1 upside down (the channel
+/// above mid supply); 0 where it is not `fitted`, and then nothing touches it. (It is on since reset.)
+pub fn sign(fitted: bool) -> i8 {
     if !fitted {
         return 0;
     }
     // SAFETY: only the main loop touches the comparator.
     let comparator = unsafe { Peripherals::steal() }.AC;
-    if comparator.acsr().read().aco().bit_is_set() { 1 } else { -1 }
+    if comparator.acsr().read().aco().bit_is_set() { -1 } else { 1 }
 }

@@ -23,7 +23,7 @@ mod watchdog;
 use avr_device::atmega328p::Peripherals;
 use cardan_firmware::averaging::Window;
 use cardan_firmware::device::{Device, Solver, sample};
-use cardan_spec::timing;
+use cardan_spec::{ThirdTilt, timing};
 
 use crate::adc::TimerTriggeredAdc;
 use crate::taps::{ARITHMETIC, BoardTap};
@@ -48,6 +48,7 @@ fn main() -> ! {
     // Idle: the clocks of timers, converter and USART run on.
     peripherals.CPU.smcr().write(|w| w.sm().idle().se().set_bit());
 
+    let has_comparator = settings.third_tilt == ThirdTilt::Comparator;
     let mut window = Window::new(&ARITHMETIC, settings.averaging);
     let solver = Solver::new(BoardTap, &settings);
     let mut device = Device::new(solver, usart::Line, solving);
@@ -60,7 +61,7 @@ fn main() -> ! {
     unsafe { avr_device::interrupt::enable() };
     loop {
         if let Some(averages) = window.add(&ARITHMETIC, &shared::wait()) {
-            device.solution(&averages, comparator::tilt_z(settings.third_tilt));
+            device.solution(&averages, comparator::sign(has_comparator));
         }
     }
 }

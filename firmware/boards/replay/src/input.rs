@@ -2,8 +2,10 @@
 //!
 //! First the settings as they stand in EEPROM (`cardan_spec::calibration`), then 16-bit items to
 //! the end of the file: a conversion (bits 0..=9 the code, bit 15 set if it was triggered late), or,
-//! with bit 14 set, a byte that the serial line received (bits 0..=7), or, with bit 13 set, what the third
-//! tilt axis tells from here on (bits 0..=7: 1 upside down, -1 upright, 0 none is fitted, as at first).
+//! with bit 14 set, a byte that the serial line received (bits 0..=7), or, with bit 13 set, what a third
+//! tilt axis at the comparator tells from here on (bits 0..=7: the sign of gravity along body z, 1 upright,
+//! -1 upside down). Conversions are of four channels in turn, or of five where the settings say that the
+//! third axis is measured.
 
 use core::ffi::CStr;
 
@@ -19,7 +21,7 @@ pub const FILE: &CStr = c"replay.in";
 const LATE: u16 = 1 << 15;
 /// Marks a received byte.
 const RECEIVED: u16 = 1 << 14;
-/// Marks what the third tilt axis tells.
+/// Marks what the comparator tells.
 const THIRD_TILT: u16 = 1 << 13;
 /// The code's bits.
 const CODE: u16 = (1 << 10) - 1;
@@ -32,7 +34,7 @@ pub enum Item {
     Conversion(Recorded),
     /// A received byte.
     Received(u8),
-    /// What the third tilt axis tells.
+    /// What the comparator tells.
     ThirdTilt(i8),
 }
 

@@ -49,16 +49,16 @@ fn replay() -> io::Result<()> {
     let mut averager = Averager::new(&m, settings.averaging);
     let mut window = Window::new(&m, settings.averaging);
     let mut device = Device::new(Solver::new(tap, &settings), line, NoPin);
-    let mut tilt_z = 0;
+    let mut sign = 0;
     while let Some(item) = input.next()? {
         match item {
             Item::Received(byte) => received.set(Some(byte)),
-            Item::ThirdTilt(sign) => tilt_z = sign,
+            Item::ThirdTilt(told) => sign = told,
             Item::Conversion(mut conversion) => {
                 sample(&m, &mut averager, &mut conversion);
                 let block = averager.take(&m);
                 if let Some(averages) = block.and_then(|block| window.add(&m, &block)) {
-                    device.solution(&averages, tilt_z);
+                    device.solution(&averages, sign);
                 }
             }
         }

@@ -3,8 +3,7 @@
 use std::path::Path;
 
 use cardan_bench::calibration::{Accuracy, Calibrated};
-use cardan_calibrate::{NAMES, PairFit};
-use cardan_spec::CHANNELS;
+use cardan_calibrate::{AxisFit, NAMES, PairFit};
 use cardan_spec::calibration::{FRAC, WORDS};
 use serde::Serialize;
 
@@ -17,7 +16,7 @@ const STEPS: f64 = cardan_units::AdcCode::CENTRE as f64;
 /// Units of the calibration's values, in the order of the image.
 const UNITS: [&str; WORDS] = [
     "fs", "fs", "g/fs", "g/fs", "g/fs", "g/fs", "fs", "fs", "B/fs", "B/fs", "B/fs", "B/fs", "B",
-    "B", "1",
+    "B", "1", "fs", "g/fs",
 ];
 
 #[derive(Serialize)]
@@ -31,6 +30,9 @@ pub(super) struct Document {
     pub(super) parameters: Vec<Parameter>,
     pub(super) channels: Vec<Channel>,
     pub(super) pairs: [Pair; 2],
+    /// Error of the third tilt axis, rms over the working attitudes, that its sensitivities to body x and y
+    /// leave; none where it is not measured.
+    pub(super) cross_left_rms_mg: Option<f64>,
     pub(super) visits: Vec<Visit>,
     pub(super) held_out: HeldOut,
     pub(super) eeprom: Eeprom,
@@ -85,8 +87,9 @@ pub(super) struct Pair {
 pub(super) struct Visit {
     gravity_g: [f64; 3],
     field_b: [f64; 3],
-    averages_fs: [f64; CHANNELS],
-    residuals_lsb: [f64; CHANNELS],
+    /// In channel order; a third tilt axis last, where it is measured.
+    averages_fs: Vec<f64>,
+    residuals_lsb: Vec<f64>,
     solutions: usize,
 }
 
@@ -138,8 +141,10 @@ impl Document {
                     calibrated.total_ut,
                     "uT",
                 ),
+                estimate.tilt_z.iter().map(third).collect(),
             ]
             .concat(),
+            cross_left_rms_mg: estimate.tilt_z.as_ref().map(|fit| 1e3 * fit.cross_left_rms),
             pairs: [
                 pair("tilt", &estimate.tilt, 1e3, "mg"),
                 pair("field", &estimate.field, calibrated.total_ut, "uT"),
@@ -207,6 +212,20 @@ fn channels(
     vec![channel(0), channel(1)]
 }
 
+fn third(fit: &AxisFit) -> Channel {
+    let residuals = &fit.residuals;
+    Channel {
+        name: "tilt_z",
+        sensitivity_lsb: fit.sensitivity.map(|s| STEPS * s),
+        z_standard_error_lsb: STEPS * fit.z_standard_error,
+        residual_rms_lsb: STEPS * residuals.rms,
+        residual_max_lsb: STEPS * residuals.max,
+        residual_rms: 1e3 * residuals.reading_rms,
+        residual_max: 1e3 * residuals.reading_max,
+        unit: "mg",
+    }
+}
+
 fn pair(name: &'static str, fit: &PairFit, scale: f64, unit: &'static str) -> Pair {
     Pair {
         name,
@@ -218,18 +237,24 @@ fn pair(name: &'static str, fit: &PairFit, scale: f64, unit: &'static str) -> Pa
 
 fn visits(calibrated: &Calibrated) -> Vec<Visit> {
     let (tilt, field) = (&calibrated.estimate.tilt, &calibrated.estimate.field);
+    let third = calibrated.estimate.tilt_z.as_ref();
     let all = calibrated.visits.iter().enumerate();
     all.map(|(index, visit)| Visit {
         gravity_g: visit.observation.gravity,
         field_b: visit.observation.field,
-        averages_fs: visit.observation.averages,
-        residuals_lsb: [
-            &tilt.residuals[0],
-            &tilt.residuals[1],
-            &field.residuals[0],
-            &field.residuals[1],
-        ]
-        .map(|residuals| STEPS * residuals.each[index]),
+        averages_fs: visit
+            .observation
+            .averages
+            .into_iter()
+            .chain(visit.observation.tilt_z)
+            .collect(),
+        residuals_lsb: tilt
+            .residuals
+            .iter()
+            .chain(&field.residuals)
+            .chain(third.map(|fit| &fit.residuals))
+            .map(|residuals| STEPS * residuals.each[index])
+            .collect(),
         solutions: visit.solutions,
     })
     .collect()

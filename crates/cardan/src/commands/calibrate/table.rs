@@ -28,6 +28,12 @@ pub(super) fn render(document: &Document) -> String {
             pair.name, pair.condition, pair.z_left_rms, pair.unit
         );
     }
+    if let Some(left) = document.cross_left_rms_mg {
+        let _ = writeln!(
+            out,
+            "tilt_z: sensitivity to body x and y: {left:.2} mg rms remain"
+        );
+    }
     held_out(&mut out, document);
     let eeprom = &document.eeprom;
     let _ = match (&eeprom.file, eeprom.form) {
