@@ -14,6 +14,9 @@ use crate::power::ResetCause;
 pub struct Pin(u8);
 
 impl Pin {
+    /// Pins that [`Pin::index`] numbers.
+    pub const COUNT: usize = 24;
+
     /// Pin `bit` (0 to 7) of port `port` (0: B, 1: C, 2: D); `None` if there is no such pin.
     pub const fn new(port: u8, bit: u8) -> Option<Pin> {
         if port < 3 && bit < 8 {

@@ -63,6 +63,7 @@ impl Machine {
                 Some(Stop::Break)
             }
             Code::Sleep if self.system.sleep_enabled() && deaf && !self.may_reset() => {
+                self.statistics.sleeps += 1;
                 self.advance(1, 1);
                 self.drain_transmitter(env);
                 Some(Stop::Sleep)
@@ -386,6 +387,7 @@ impl Machine {
             return Err(self.pc_out_of_memory(target));
         }
         if is_interrupt {
+            self.compare_context(sp, target);
             self.core.flags.enable_interrupts(true);
             // RETI always lets one instruction of the interrupted program execute.
             self.one_more = true;

@@ -75,6 +75,7 @@ impl Machine {
         // SLEEP was the one instruction that follows SEI.
         self.one_more = false;
         self.is_sleeping = true;
+        self.statistics.sleeps += 1;
         self.sleep_mode = mode;
         self.asleep_since = now;
         let samples = matches!(mode, SleepMode::Idle | SleepMode::AdcNoiseReduction);
@@ -200,6 +201,7 @@ impl Machine {
         self.core.reset();
         self.core.cycle += self.reset_delay();
         self.interrupts.clear();
+        self.contexts.clear();
         self.schedule = Schedule::new();
         let serial = self.system.serial;
         self.system = System::new();
