@@ -293,7 +293,7 @@ impl Machine {
 
     /// Whether the chip may reset by itself although the program waits for nothing.
     fn may_reset(&self) -> bool {
-        self.watchdog.will_reset()
+        self.watchdog.resets()
     }
 
     /// Lets the transmitter finish: its bytes appear at their own cycles, after the stop.

@@ -247,7 +247,9 @@ impl Machine {
         if self.fuses.boots_to_loader() {
             self.core.pc = self.boot_start();
         }
-        self.watchdog = Watchdog::after_reset(self.core.cycle, self.watchdog_is_forced());
+        let is_always_on = self.fuses.watchdog_always_on();
+        let is_forced = self.watchdog_is_forced();
+        self.watchdog = Watchdog::after_reset(self.core.cycle, is_forced, is_always_on);
         self.after_watchdog(self.core.cycle);
     }
 
