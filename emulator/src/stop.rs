@@ -127,6 +127,8 @@ pub enum ReportKind {
     PoweredDown,
     /// SPM outside the boot section has no effect.
     SpmOutsideBootSection,
+    /// UDR0 written while the transmitter is off: the byte waits until TXEN is set.
+    TransmitterOff,
     /// An interrupt handler returned with other registers or another SREG than it found, for the
     /// first time; [`crate::Machine::interrupt_damage`] tells more.
     InterruptDamage {
@@ -146,6 +148,7 @@ impl fmt::Display for Report {
             ReportKind::WriteReserved => "write to an address without a register",
             ReportKind::ReservedSetting => "reserved setting of the register",
             ReportKind::SpmOutsideBootSection => "SPM outside the boot section has no effect",
+            ReportKind::TransmitterOff => "write while the transmitter is off (TXEN = 0): it waits",
             ReportKind::PoweredDown => "access to a module switched off in PRR",
             ReportKind::InterruptDamage {
                 vector,
