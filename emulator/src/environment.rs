@@ -155,6 +155,11 @@ pub trait Environment {
     /// Without it the pin stays high, and a byte costs a tenth of the events.
     const SERIAL_EDGES: bool = false;
 
+    /// The same for an environment that knows it only at run time: asked when a run begins.
+    fn shows_serial_edges(&self) -> bool {
+        Self::SERIAL_EDGES
+    }
+
     /// An output pin changed to `level` at `cycle`. Pins start low.
     fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
         let _ = (cycle, pin, level);

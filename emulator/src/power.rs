@@ -212,7 +212,7 @@ impl Machine {
         self.timers = [Timer::new(0), Timer::new(1), Timer::new(2)];
         self.adc = Adc::new();
         self.usart = Usart::new();
-        self.usart.shows_line = E::SERIAL_EDGES;
+        self.usart.shows_line = env.shows_serial_edges();
         self.eeprom.reset();
         self.comparator = Comparator::default();
         self.external = External::default();

@@ -236,7 +236,7 @@ impl Machine {
         observer: &mut O,
     ) -> Stop {
         let until = until_cycle.min(ENDLESS);
-        self.usart.shows_line = E::SERIAL_EDGES;
+        self.usart.shows_line = env.shows_serial_edges();
         self.poll_input(self.core.cycle, env);
         loop {
             self.fire_events(self.core.cycle, env);
