@@ -51,7 +51,7 @@ impl Machine {
     fn stopping<E: Environment>(&mut self, op: Op, env: &mut E) -> Option<Stop> {
         let deaf = !self.core.flags.interrupts_enabled();
         match op.code {
-            Code::JumpSelf if deaf && !self.may_reset() => {
+            Code::JumpSelf if deaf && self.ends_at_halt && !self.may_reset() => {
                 self.drain_transmitter(env);
                 Some(Stop::Halt)
             }

@@ -120,6 +120,8 @@ pub struct Machine {
     pub(crate) one_more: bool,
     /// Cycles for which the instruction just executed halts the processor.
     pub(crate) stall: u64,
+    /// See [`Machine::set_end_at_halt`].
+    pub(crate) ends_at_halt: bool,
     pub(crate) fault: Option<Cause>,
     /// A reset to be carried out at the next instruction boundary.
     pub(crate) pending_reset: Option<ResetCause>,
@@ -173,6 +175,7 @@ impl Machine {
             asleep_since: 0,
             one_more: false,
             stall: 0,
+            ends_at_halt: true,
             fault: None,
             pending_reset: None,
             statistics: Counters::default(),
@@ -307,6 +310,13 @@ impl Machine {
     /// Sets supply and reference voltages.
     pub fn set_supply(&mut self, supply: Supply) {
         self.supply = supply;
+    }
+
+    /// Whether a jump to itself with interrupts disabled ends a run with [`Stop::Halt`], as it does
+    /// unless this is called. Otherwise time passes there, and peripherals go on (a PWM output needs
+    /// no program) until something else ends the run.
+    pub fn set_end_at_halt(&mut self, ends: bool) {
+        self.ends_at_halt = ends;
     }
 
     /// Counters since the start.
