@@ -50,8 +50,10 @@ impl Machine {
     /// Instructions that end the run.
     fn stopping<E: Environment>(&mut self, op: Op, env: &mut E) -> Option<Stop> {
         let deaf = !self.core.flags.interrupts_enabled();
+        // Without a watchdog nothing reaches a program that waits with interrupts disabled.
+        let is_final = deaf && !self.watchdog.resets();
         match op.code {
-            Code::JumpSelf if deaf && self.ends_at_halt && !self.may_reset() => {
+            Code::JumpSelf if is_final && self.ends_at_halt => {
                 self.drain_transmitter(env);
                 Some(Stop::Halt)
             }
@@ -62,7 +64,7 @@ impl Machine {
                 }
                 Some(Stop::Break)
             }
-            Code::Sleep if self.system.sleep_enabled() && deaf && !self.may_reset() => {
+            Code::Sleep if is_final && self.system.sleep_enabled() => {
                 self.statistics.sleeps += 1;
                 self.advance(1, 1);
                 self.drain_transmitter(env);
@@ -289,11 +291,6 @@ impl Machine {
         let rounds = gap.div_ceil(cycles).max(1);
         self.core.cycle += rounds * cycles;
         self.core.instructions += rounds;
-    }
-
-    /// Whether the chip may reset by itself although the program waits for nothing.
-    fn may_reset(&self) -> bool {
-        self.watchdog.resets()
     }
 
     /// Lets the transmitter finish: its bytes appear at their own cycles, after the stop.
