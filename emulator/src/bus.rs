@@ -420,7 +420,7 @@ impl Machine {
         self.fire_events(edge, env);
         match address {
             io::UCSR0A => self.usart.write_status(value),
-            io::UCSR0B => self.usart.write_control_b(value),
+            io::UCSR0B => self.usart.write_control_b(value, edge),
             io::UCSR0C => {
                 self.usart.write_control_c(value);
                 if value & 0xC0 == 0xC0 {
@@ -433,7 +433,12 @@ impl Machine {
             }
             io::UBRR0L => self.usart.write_baud(false, value, edge),
             io::UBRR0H => self.usart.write_baud(true, value, edge),
-            io::UDR0 => self.usart.write_data(value, edge),
+            io::UDR0 => {
+                if !self.usart.transmits() {
+                    self.report(address, ReportKind::TransmitterOff);
+                }
+                self.usart.write_data(value, edge);
+            }
             _ => self.write_unmodelled(address, value),
         }
         self.after_usart(edge);

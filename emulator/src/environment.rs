@@ -14,6 +14,9 @@ use crate::power::ResetCause;
 pub struct Pin(u8);
 
 impl Pin {
+    /// Pins that [`Pin::index`] numbers.
+    pub const COUNT: usize = 24;
+
     /// Pin `bit` (0 to 7) of port `port` (0: B, 1: C, 2: D); `None` if there is no such pin.
     pub const fn new(port: u8, bit: u8) -> Option<Pin> {
         if port < 3 && bit < 8 {
@@ -151,6 +154,11 @@ pub trait Environment {
     /// Whether [`Environment::pin_edge`] shall report every bit of the serial line on pin PD1.
     /// Without it the pin stays high, and a byte costs a tenth of the events.
     const SERIAL_EDGES: bool = false;
+
+    /// The same for an environment that knows it only at run time: asked when a run begins.
+    fn shows_serial_edges(&self) -> bool {
+        Self::SERIAL_EDGES
+    }
 
     /// An output pin changed to `level` at `cycle`. Pins start low.
     fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {

@@ -50,8 +50,10 @@ impl Machine {
     /// Instructions that end the run.
     fn stopping<E: Environment>(&mut self, op: Op, env: &mut E) -> Option<Stop> {
         let deaf = !self.core.flags.interrupts_enabled();
+        // Without a watchdog nothing reaches a program that waits with interrupts disabled.
+        let is_final = deaf && !self.watchdog.resets();
         match op.code {
-            Code::JumpSelf if deaf && !self.may_reset() => {
+            Code::JumpSelf if is_final && self.ends_at_halt => {
                 self.drain_transmitter(env);
                 Some(Stop::Halt)
             }
@@ -62,7 +64,8 @@ impl Machine {
                 }
                 Some(Stop::Break)
             }
-            Code::Sleep if self.system.sleep_enabled() && deaf && !self.may_reset() => {
+            Code::Sleep if is_final && self.system.sleep_enabled() => {
+                self.statistics.sleeps += 1;
                 self.advance(1, 1);
                 self.drain_transmitter(env);
                 Some(Stop::Sleep)
@@ -290,11 +293,6 @@ impl Machine {
         self.core.instructions += rounds;
     }
 
-    /// Whether the chip may reset by itself although the program waits for nothing.
-    fn may_reset(&self) -> bool {
-        self.watchdog.will_reset()
-    }
-
     /// Lets the transmitter finish: its bytes appear at their own cycles, after the stop.
     pub(crate) fn drain_transmitter<E: Environment>(&mut self, env: &mut E) {
         while self.usart.is_sending() {
@@ -386,6 +384,7 @@ impl Machine {
             return Err(self.pc_out_of_memory(target));
         }
         if is_interrupt {
+            self.compare_context(sp, target);
             self.core.flags.enable_interrupts(true);
             // RETI always lets one instruction of the interrupted program execute.
             self.one_more = true;

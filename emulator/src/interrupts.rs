@@ -36,6 +36,12 @@ pub struct VectorStatistics {
     pub count: u64,
     /// Worst latency: cycles from flag and enable being set to the first cycle of the entry.
     pub latency_max: u64,
+    /// Returns by RETI to what was interrupted: registers and SREG were compared with those at the
+    /// entry. Fewer than `count` where handlers leave in another way, or have not yet returned.
+    pub returns: u64,
+    /// Returns among them with other registers or another SREG; see
+    /// [`crate::Machine::interrupt_damage`].
+    pub damaged: u64,
 }
 
 /// Requests of all vectors: bit n is vector n.

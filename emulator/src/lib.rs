@@ -31,6 +31,7 @@
 
 mod alu;
 mod bus;
+mod contexts;
 mod core;
 mod debugger;
 mod device;
@@ -63,6 +64,7 @@ mod wiring;
 mod wiring_pins;
 mod wiring_serial;
 
+pub use contexts::{InterruptDamage, RegisterState};
 pub use debugger::{Debugger, SessionError, State};
 pub use device::{ATMEGA328P, Device};
 pub use disassembler::disassemble;

@@ -1,9 +1,11 @@
 //! The machine: core, peripherals and their schedule, and what users may ask of it.
 
 use crate::alu::Flags;
+use crate::contexts::Contexts;
 use crate::core::Core;
 use crate::device::Device;
 use crate::disassembler::disassemble;
+use crate::environment::Pin;
 use crate::fuses::Fuses;
 use crate::image::Image;
 use crate::interrupts::{Interrupts, VectorStatistics};
@@ -55,6 +57,8 @@ pub struct Statistics {
     pub instructions: u64,
     /// Cycles spent asleep.
     pub sleeping_cycles: u64,
+    /// Times that SLEEP put the processor to sleep.
+    pub sleeps: u64,
     /// Lowest stack pointer (stack high-water mark).
     pub lowest_sp: u16,
     /// Per interrupt vector, in the order of [`Device::vectors`].
@@ -67,6 +71,17 @@ pub struct Statistics {
     pub triggers_ignored: u64,
     /// Bytes that the transmitter has sent.
     pub uart_bytes: u64,
+    /// Changes of level that the chip has driven, by [`Pin::index`]: those that
+    /// [`crate::Environment::pin_edge`] reports (so of the serial line only the first, unless
+    /// [`crate::Environment::SERIAL_EDGES`] asks for its bits).
+    pub pin_edges: [u64; Pin::COUNT],
+}
+
+impl Statistics {
+    /// Changes of level that the chip has driven on a pin.
+    pub fn edges(&self, pin: Pin) -> u64 {
+        self.pin_edges[pin.index()]
+    }
 }
 
 /// One emulated chip. A plain value: a clone is a snapshot.
@@ -77,6 +92,7 @@ pub struct Machine {
     pub(crate) oscillator_hz: u64,
     pub(crate) core: Core,
     pub(crate) interrupts: Interrupts,
+    pub(crate) contexts: Contexts,
     pub(crate) schedule: Schedule,
     pub(crate) system: System,
     pub(crate) ports: [Port; 3],
@@ -104,6 +120,8 @@ pub struct Machine {
     pub(crate) one_more: bool,
     /// Cycles for which the instruction just executed halts the processor.
     pub(crate) stall: u64,
+    /// See [`Machine::set_end_at_halt`].
+    pub(crate) ends_at_halt: bool,
     pub(crate) fault: Option<Cause>,
     /// A reset to be carried out at the next instruction boundary.
     pub(crate) pending_reset: Option<ResetCause>,
@@ -116,10 +134,12 @@ pub struct Machine {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Counters {
     pub(crate) sleeping_cycles: u64,
+    pub(crate) sleeps: u64,
     pub(crate) conversions: u64,
     pub(crate) conversions_lost: u64,
     pub(crate) triggers_ignored: u64,
     pub(crate) uart_bytes: u64,
+    pub(crate) pin_edges: [u64; Pin::COUNT],
 }
 
 impl Machine {
@@ -130,6 +150,7 @@ impl Machine {
             oscillator_hz: frequency_hz.max(1),
             core: Core::new(device.flash_bytes / 2, device.sram_start, device.sram_bytes),
             interrupts: Interrupts::new(),
+            contexts: Contexts::default(),
             schedule: Schedule::new(),
             system: System::new(),
             ports: Default::default(),
@@ -154,6 +175,7 @@ impl Machine {
             asleep_since: 0,
             one_more: false,
             stall: 0,
+            ends_at_halt: true,
             fault: None,
             pending_reset: None,
             statistics: Counters::default(),
@@ -290,22 +312,32 @@ impl Machine {
         self.supply = supply;
     }
 
+    /// Whether a jump to itself with interrupts disabled ends a run with [`Stop::Halt`], as it does
+    /// unless this is called. Otherwise time passes there, and peripherals go on (a PWM output needs
+    /// no program) until something else ends the run.
+    pub fn set_end_at_halt(&mut self, ends: bool) {
+        self.ends_at_halt = ends;
+    }
+
     /// Counters since the start.
     pub fn statistics(&self) -> Statistics {
         Statistics {
             cycles: self.core.cycle,
             instructions: self.core.instructions,
             sleeping_cycles: self.statistics.sleeping_cycles,
+            sleeps: self.statistics.sleeps,
             lowest_sp: self.core.lowest_sp,
             vectors: self.interrupts.statistics[..self.device.vectors.len()].to_vec(),
             conversions: self.statistics.conversions,
             conversions_lost: self.statistics.conversions_lost,
             triggers_ignored: self.statistics.triggers_ignored,
             uart_bytes: self.statistics.uart_bytes,
+            pin_edges: self.statistics.pin_edges,
         }
     }
 
-    /// Odd accesses, once per place, in the order of their first occurrence.
+    /// Odd accesses, once per place, and interrupts that do damage, once per vector, in the order of
+    /// their first occurrence.
     pub fn reports(&self) -> &[Report] {
         &self.reports
     }

@@ -75,6 +75,7 @@ impl Machine {
         // SLEEP was the one instruction that follows SEI.
         self.one_more = false;
         self.is_sleeping = true;
+        self.statistics.sleeps += 1;
         self.sleep_mode = mode;
         self.asleep_since = now;
         let samples = matches!(mode, SleepMode::Idle | SleepMode::AdcNoiseReduction);
@@ -200,6 +201,7 @@ impl Machine {
         self.core.reset();
         self.core.cycle += self.reset_delay();
         self.interrupts.clear();
+        self.contexts.clear();
         self.schedule = Schedule::new();
         let serial = self.system.serial;
         self.system = System::new();
@@ -210,7 +212,7 @@ impl Machine {
         self.timers = [Timer::new(0), Timer::new(1), Timer::new(2)];
         self.adc = Adc::new();
         self.usart = Usart::new();
-        self.usart.shows_line = E::SERIAL_EDGES;
+        self.usart.shows_line = env.shows_serial_edges();
         self.eeprom.reset();
         self.comparator = Comparator::default();
         self.external = External::default();
@@ -245,7 +247,9 @@ impl Machine {
         if self.fuses.boots_to_loader() {
             self.core.pc = self.boot_start();
         }
-        self.watchdog = Watchdog::after_reset(self.core.cycle, self.watchdog_is_forced());
+        let is_always_on = self.fuses.watchdog_always_on();
+        let is_forced = self.watchdog_is_forced();
+        self.watchdog = Watchdog::after_reset(self.core.cycle, is_forced, is_always_on);
         self.after_watchdog(self.core.cycle);
     }
 

@@ -236,7 +236,7 @@ impl Machine {
         observer: &mut O,
     ) -> Stop {
         let until = until_cycle.min(ENDLESS);
-        self.usart.shows_line = E::SERIAL_EDGES;
+        self.usart.shows_line = env.shows_serial_edges();
         self.poll_input(self.core.cycle, env);
         loop {
             self.fire_events(self.core.cycle, env);
@@ -347,7 +347,9 @@ impl Machine {
         let latency = self.interrupts.enter(vector, self.core.cycle);
         observer.pause(Pause::Entry { vector, latency }, self);
         self.touch_stack(0, 2, true);
-        self.core.push_pc(self.core.pc & self.core.pc_mask());
+        let interrupted = self.core.pc & self.core.pc_mask();
+        self.core.push_pc(interrupted);
+        self.remember_context(vector, interrupted);
         self.core.flags.enable_interrupts(false);
         self.acknowledge(vector, self.core.cycle, env);
         self.core.pc = self.vector_base() + vector as u16 * 2;

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use crate::contexts::sreg_names;
+
 /// Why [`crate::Machine::run`] returned.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Stop {
@@ -101,12 +103,12 @@ impl fmt::Display for Crash {
     }
 }
 
-/// An access to an address at which the chip has no register; reported once per place.
+/// Something odd that the program does; reported once per place, or once per interrupt vector.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Report {
     /// Byte address of the instruction.
     pub pc: u32,
-    /// Data address accessed.
+    /// Data address accessed; 0 where the kind has none.
     pub address: u16,
     /// What is odd about the access.
     pub kind: ReportKind,
@@ -125,6 +127,18 @@ pub enum ReportKind {
     PoweredDown,
     /// SPM outside the boot section has no effect.
     SpmOutsideBootSection,
+    /// UDR0 written while the transmitter is off: the byte waits until TXEN is set.
+    TransmitterOff,
+    /// An interrupt handler returned with other registers or another SREG than it found, for the
+    /// first time; [`crate::Machine::interrupt_damage`] tells more.
+    InterruptDamage {
+        /// Name of the vector.
+        vector: &'static str,
+        /// Registers changed: bit n is rn.
+        registers: u32,
+        /// Bits of SREG changed.
+        sreg: u8,
+    },
 }
 
 impl fmt::Display for Report {
@@ -134,7 +148,13 @@ impl fmt::Display for Report {
             ReportKind::WriteReserved => "write to an address without a register",
             ReportKind::ReservedSetting => "reserved setting of the register",
             ReportKind::SpmOutsideBootSection => "SPM outside the boot section has no effect",
+            ReportKind::TransmitterOff => "write while the transmitter is off (TXEN = 0): it waits",
             ReportKind::PoweredDown => "access to a module switched off in PRR",
+            ReportKind::InterruptDamage {
+                vector,
+                registers,
+                sreg,
+            } => return show_damage(f, self.pc, vector, registers, sreg),
         };
         write!(
             f,
@@ -142,4 +162,26 @@ impl fmt::Display for Report {
             self.pc, self.address
         )
     }
+}
+
+fn show_damage(
+    f: &mut fmt::Formatter<'_>,
+    pc: u32,
+    vector: &str,
+    registers: u32,
+    sreg: u8,
+) -> fmt::Result {
+    write!(
+        f,
+        "at {pc:#06x}: interrupt {vector} does not return what it found:"
+    )?;
+    let mut separator = "";
+    for number in (0..32).filter(|number| registers >> number & 1 != 0) {
+        write!(f, "{separator} r{number}")?;
+        separator = ",";
+    }
+    if sreg != 0 {
+        write!(f, "{separator} SREG ({})", sreg_names(sreg))?;
+    }
+    write!(f, " changed")
 }

@@ -112,7 +112,9 @@ impl Machine {
         if !self.ports[port].flip(mask, at) {
             return;
         }
-        env.pin_edge(at, Pin::at(port, bit), self.ports[port].level() & mask != 0);
+        let pin = Pin::at(port, bit);
+        self.statistics.pin_edges[pin.index()] += 1;
+        env.pin_edge(at, pin, self.ports[port].level() & mask != 0);
         if self.external.watched()[port] & mask != 0 {
             self.look_at_pins(at, env);
         }
@@ -190,7 +192,9 @@ impl Machine {
         while edges != 0 {
             let bit = edges.trailing_zeros() as u8;
             edges &= edges - 1;
-            env.pin_edge(at, Pin::at(port, bit), level >> bit & 1 != 0);
+            let pin = Pin::at(port, bit);
+            self.statistics.pin_edges[pin.index()] += 1;
+            env.pin_edge(at, pin, level >> bit & 1 != 0);
         }
         if self.external.watched()[port] & touched != 0 {
             self.look_at_pins(at, env);

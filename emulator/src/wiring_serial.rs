@@ -117,7 +117,7 @@ impl Machine {
             Action::Write(byte) => ack = env.twi_write(at, byte),
             Action::Read(answer) => data = env.twi_read(at, answer),
         }
-        self.twi.finish(action, ack, data);
+        self.twi.finish(action, ack, data, at);
         self.after_twi(at);
     }
 

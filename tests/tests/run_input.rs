@@ -75,7 +75,13 @@ fn values_out_of_range_are_refused_with_what_is_expected() {
     }
     for volts in ["0", "nan", "inf", "12", "five"] {
         refuse(&["--vcc", volts], &["--vcc", "1.8 to 5.5"]);
+        refuse(&["--aref", volts], &["--aref", "from 1 to the supply"]);
     }
+    refuse(
+        &["--aref", "5.1"],
+        &["--aref 5.1", "supply of 5 V", "--vcc"],
+    );
+    refuse(&["--vcc", "3.3", "--aref", "3.4"], &["--aref 3.4", "3.3 V"]);
     for value in [
         "8=1", "1", "=1", "0=", "0=nan", "0=inf", "x=1", "-1=1", "0=1=2",
     ] {

@@ -79,12 +79,15 @@ impl Twi {
         self.action.take().map(|(action, _)| action)
     }
 
-    /// Notes the outcome of an action: `ack` as answered by the slave, `data` as read.
-    pub(crate) fn finish(&mut self, action: Action, ack: bool, data: u8) {
+    /// Notes the outcome of an action that ended at cycle `at`: `ack` as answered by the slave,
+    /// `data` as read.
+    pub(crate) fn finish(&mut self, action: Action, ack: bool, data: u8, at: u64) {
         self.status = match action {
             Action::Stop => {
+                // TWINT is not set. A START that was asked for has waited for the bus.
                 self.status = NO_STATE;
                 self.control &= !TWSTO;
+                self.begin(at);
                 return;
             }
             Action::Start if self.status == NO_STATE => 0x08,
@@ -118,7 +121,12 @@ impl Twi {
         self.flag = true;
     }
 
-    /// What the program asks for by clearing TWINT.
+    /// Whether the bus is ours: from START to STOP.
+    fn is_master(&self) -> bool {
+        self.status != NO_STATE
+    }
+
+    /// What the control register asks for while TWINT is clear; how many SCL periods it takes.
     fn requested(&self) -> Option<(Action, u64)> {
         if self.control & TWSTO != 0 {
             return Some((Action::Stop, 1));
@@ -156,7 +164,8 @@ impl Twi {
             0 => self.bit_rate = value,
             1 => self.prescaler = value & 3,
             2 => self.address = value,
-            3 if self.is_busy() => self.collision = true,
+            // Writable only while TWINT is set, not before the first START either.
+            3 if !self.flag => self.collision = true,
             3 => {
                 self.data = value;
                 self.collision = false;
@@ -174,10 +183,21 @@ impl Twi {
             self.status = NO_STATE;
             return;
         }
-        if value & TWINT == 0 || self.is_busy() {
+        if value & TWINT != 0 {
+            self.flag = false;
+        }
+        self.begin(at);
+    }
+
+    /// Begins what is asked for, unless something is under way or TWINT holds the bus.
+    fn begin(&mut self, at: u64) {
+        if self.flag || self.is_busy() {
             return;
         }
-        self.flag = false;
+        if !self.is_master() {
+            // Without the bus there is nothing to stop: the interface lets go of the lines.
+            self.control &= !TWSTO;
+        }
         if let Some((action, periods)) = self.requested() {
             self.action = Some((action, at + periods * self.period()));
         }

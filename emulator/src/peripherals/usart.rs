@@ -1,10 +1,12 @@
 //! USART0 in asynchronous and synchronous-master modes (data sheet section 19).
 //!
 //! The transmitter has one buffer before its shift register. A byte written to an idle
-//! transmitter moves on at the next tick of the baud generator. The receiver has a FIFO of two
+//! transmitter moves on at the next tick of the baud generator; one written before TXEN waits in the
+//! buffer for it. Clearing TXEN takes effect when buffer and shift register are empty. The receiver has a FIFO of two
 //! behind its shift register; frames from the environment arrive at the receiver's own bit rate.
 //!
-//! Inaccuracies: a change of UBRR or frame format within a frame counts from the next frame;
+//! Inaccuracies: a change of the frame format or of U2X within a frame counts from the next frame;
+//! frames being received do not notice a change of UBRR;
 //! noise and bit-rate mismatch on the receive line are not modelled.
 
 use std::collections::VecDeque;
@@ -43,6 +45,9 @@ pub(crate) struct Usart {
     baud: u16,
     /// Cycle at which the baud generator was reloaded.
     origin: u64,
+    /// TXEN has been set, and has not taken effect as cleared.
+    is_transmitting: bool,
+    /// All nine bits as written: the frame format decides when it is loaded.
     buffer: Option<u16>,
     /// Frame in the shift register, its start and its end.
     shifting: Option<(u16, u64, u64)>,
@@ -72,6 +77,7 @@ impl Usart {
             control_c: 0x06,
             baud: 0,
             origin: 0,
+            is_transmitting: false,
             buffer: None,
             shifting: None,
             load_at: None,
@@ -88,7 +94,7 @@ impl Usart {
     }
 
     pub(crate) fn transmits(&self) -> bool {
-        self.control_b & TXEN != 0 || self.shifting.is_some() || self.buffer.is_some()
+        self.is_transmitting
     }
 
     pub(crate) fn receives(&self) -> bool {
@@ -97,7 +103,7 @@ impl Usart {
 
     /// Whether a frame or a byte is still to be sent.
     pub(crate) fn is_sending(&self) -> bool {
-        self.shifting.is_some() || self.buffer.is_some()
+        self.is_transmitting && (self.shifting.is_some() || self.buffer.is_some())
     }
 
     pub(crate) fn requests(&self) -> Requests {
@@ -156,12 +162,14 @@ impl Usart {
             self.load(at);
         } else {
             self.transmitted = true;
+            self.is_transmitting = self.control_b & TXEN != 0;
         }
         Some(frame)
     }
 
     fn load(&mut self, at: u64) {
-        if let Some(frame) = self.buffer.take() {
+        if let Some(written) = self.buffer.take() {
+            let frame = written & ((1 << self.data_bits()) - 1);
             let end = at + self.frame_bits() * self.bit_cycles();
             self.shifting = Some((frame, at, end));
             self.bits = (self.pattern(frame), self.frame_bits(), at);
@@ -234,8 +242,15 @@ impl Usart {
         self.control_b & !2 | u8::from(ninth) << 1
     }
 
-    pub(crate) fn write_control_b(&mut self, value: u8) {
+    /// UCSR0B, taking effect at cycle `at`.
+    pub(crate) fn write_control_b(&mut self, value: u8, at: u64) {
         self.control_b = value;
+        if value & TXEN != 0 && !self.is_transmitting {
+            self.is_transmitting = true;
+            self.plan_load(at);
+        } else if value & TXEN == 0 && !self.is_sending() {
+            self.is_transmitting = false;
+        }
         if value & RXEN == 0 {
             // Disabling the receiver flushes its buffer at once.
             self.fifo.clear();
@@ -257,25 +272,41 @@ impl Usart {
         self.baud
     }
 
-    /// UBRR0H (high = true) or UBRR0L, which reloads the baud generator at cycle `at`.
+    /// UBRR0H (high = true) or UBRR0L, which reloads the baud generator at cycle `at`: a frame under
+    /// way is corrupted.
     pub(crate) fn write_baud(&mut self, high: bool, value: u8, at: u64) {
+        let old = u64::from(self.baud) + 1;
         if high {
             self.baud = self.baud & 0x00FF | u16::from(value & 15) << 8;
         } else {
             self.baud = self.baud & 0x0F00 | u16::from(value);
             self.origin = at;
         }
+        let new = u64::from(self.baud) + 1;
+        // What is under way goes on with as many ticks, each of the new length.
+        let moved = |end: u64| at + end.saturating_sub(at).div_ceil(old) * new;
+        self.load_at = self.load_at.map(moved);
+        self.shifting = self
+            .shifting
+            .map(|(frame, start, end)| (frame, start, moved(end)));
+        if self.bits.1 > 0 {
+            self.bits.2 = moved(self.bits.2);
+        }
     }
 
     /// UDR0 written with effect at cycle `at`. Ignored while the buffer is full.
     pub(crate) fn write_data(&mut self, value: u8, at: u64) {
-        if self.control_b & TXEN == 0 || self.buffer.is_some() {
+        if self.buffer.is_some() {
             return;
         }
         let ninth = u16::from(self.control_b & 1) << 8;
-        let mask = (1u16 << self.data_bits()) - 1;
-        self.buffer = Some((u16::from(value) | ninth) & mask);
-        if self.shifting.is_none() {
+        self.buffer = Some(u16::from(value) | ninth);
+        self.plan_load(at);
+    }
+
+    /// The buffer moves to an idle shift register at the next tick, if the transmitter is enabled.
+    fn plan_load(&mut self, at: u64) {
+        if self.is_transmitting && self.buffer.is_some() && self.shifting.is_none() {
             self.load_at = Some(self.baud_tick(at));
         }
     }

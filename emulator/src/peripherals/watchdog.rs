@@ -30,14 +30,17 @@ pub(crate) struct Watchdog {
     change_until: u64,
     /// WDRF in MCUSR and the WDTON fuse both keep WDE set.
     is_forced: bool,
+    /// The WDTON fuse keeps WDIE clear as well.
+    is_always_on: bool,
 }
 
 impl Watchdog {
-    /// After a reset at cycle `at`.
-    pub(crate) fn after_reset(at: u64, is_forced: bool) -> Watchdog {
+    /// After a reset at cycle `at`; `is_always_on`: by the WDTON fuse.
+    pub(crate) fn after_reset(at: u64, is_forced: bool, is_always_on: bool) -> Watchdog {
         Watchdog {
             started: at,
             is_forced,
+            is_always_on,
             ..Watchdog::default()
         }
     }
@@ -51,13 +54,10 @@ impl Watchdog {
         self.is_forced = is_forced;
     }
 
-    fn resets(&self) -> bool {
+    /// Whether a time-out resets the chip: the next one, or in interrupt and system reset mode the
+    /// one behind it, unless the interrupt is executed in between.
+    pub(crate) fn resets(&self) -> bool {
         self.is_forced || self.control & WDE != 0
-    }
-
-    /// Whether the next time-out resets the chip.
-    pub(crate) fn will_reset(&self) -> bool {
-        self.resets() && self.control & WDIE == 0
     }
 
     pub(crate) fn requests(&self) -> bool {
@@ -82,7 +82,8 @@ impl Watchdog {
     /// The counter has run out at cycle `at`.
     pub(crate) fn time_out(&mut self, at: u64) -> TimeOut {
         self.started = at;
-        if self.will_reset() {
+        // With WDIE set the first time-out interrupts; if that is still waiting, the next resets.
+        if self.resets() && (self.control & WDIE == 0 || self.flag) {
             return TimeOut::Reset;
         }
         self.flag = true;
@@ -110,12 +111,16 @@ impl Watchdog {
         }
         let is_open = at <= self.change_until && self.change_until > 0;
         let was_idle = !self.resets() && self.control & WDIE == 0;
+        // Setting WDE needs no timed sequence; clearing it and changing the prescaler do.
         let mut control = self.control & !WDIE | value & WDIE | value & WDE;
         if value & (WDCE | WDE) == WDCE | WDE {
             self.change_until = at + CHANGE_WINDOW;
-        } else if is_open {
+        } else if is_open && value & WDCE == 0 {
             control = value & (WDIE | WDE | WDP);
             self.change_until = 0;
+        }
+        if self.is_always_on {
+            control &= !WDIE;
         }
         self.control = control;
         if was_idle {

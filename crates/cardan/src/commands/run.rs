@@ -38,6 +38,8 @@ const SLOWEST_HZ: u64 = 1;
 const FASTEST_HZ: u64 = 20_000_000;
 /// Supply range of the family, in volts (data sheet, section 29.2).
 const SUPPLY_VOLTS: std::ops::RangeInclusive<f64> = 1.8..=5.5;
+/// Lowest reference voltage, in volts (data sheet, section 29.8, ADC characteristics).
+const LEAST_REFERENCE_VOLTS: f64 = 1.0;
 /// Parts of a second that the emulator runs between two looks at the host's side of the line.
 const SLICES_PER_SECOND: u64 = 100;
 
@@ -45,7 +47,8 @@ const SLICES_PER_SECOND: u64 = 100;
 ///
 /// The run ends when the program does: at SLEEP with interrupts disabled, at BREAK, at a jump to
 /// itself with interrupts disabled (where `main` of a C program ends), at a crash, or after
-/// `--cycles`. Without `--cycles` a program that never ends runs until it is interrupted (Ctrl-C).
+/// `--cycles`. With `--cycles` a jump to itself does not end the run: peripherals go on there, a PWM
+/// output for example. Without it a program that never ends runs until it is interrupted (Ctrl-C).
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Program: ELF file or Intel HEX text.
@@ -57,7 +60,8 @@ pub(crate) struct Arguments {
     #[arg(long, value_name = "HZ", default_value_t = 16_000_000, value_parser = frequency,
         allow_negative_numbers = true)]
     freq: u64,
-    /// Stops after this number of cycles [default: no limit].
+    /// Stops after this number of cycles, and not before at a jump to itself with interrupts
+    /// disabled, unless `--program-exit` is given [default: no limit].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     cycles: Option<u64>,
     /// Where the serial line leads: `stdio` (sends to standard output, receives from standard
@@ -65,10 +69,14 @@ pub(crate) struct Arguments {
     /// `none`, or a file for what is sent [default: to standard output, nothing received].
     #[arg(long, value_name = "stdio|pty|none|FILE")]
     uart: Option<Choice>,
-    /// Supply: AVCC and AREF, in volts.
+    /// Supply: AVCC, and AREF unless `--aref` is given, in volts.
     #[arg(long, value_name = "V", default_value_t = 5.0, value_parser = supply,
         allow_negative_numbers = true)]
     vcc: f64,
+    /// Voltage that the board applies to pin AREF, in volts: the converter's reference where a
+    /// program selects it (REFS = 0). From 1 V to the supply [default: that of `--vcc`].
+    #[arg(long, value_name = "V", value_parser = reference, allow_negative_numbers = true)]
+    aref: Option<f64>,
     /// Voltage of an analog input, CH 0 to 7; may be repeated. Others read 0 V.
     #[arg(long, value_name = "CH=VOLTS", value_parser = analog)]
     adc: Vec<(u8, f64)>,
@@ -119,7 +127,7 @@ pub(crate) struct Arguments {
 /// Runs the command.
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     let program = Program::read(&arguments.file, arguments.mcu)?;
-    let mut machine = machine(arguments, &program);
+    let mut machine = machine(arguments, &program)?;
     let mut desk = Desk::new(connections(arguments)?);
     let port = arguments.gdb.as_ref().map(gdb::Port::open).transpose()?;
     let mut line = Line::open(arguments.uart.as_ref(), arguments.freq, output)?;
@@ -204,15 +212,22 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
 }
 
 /// The chip with the program in it.
-fn machine(arguments: &Arguments, program: &Program) -> Machine {
+fn machine(arguments: &Arguments, program: &Program) -> Result<Machine, Failure> {
+    let (avcc_volts, aref_volts) = (arguments.vcc, arguments.aref.unwrap_or(arguments.vcc));
+    if aref_volts > avcc_volts {
+        return Err(Failure::input(format!(
+            "--aref {aref_volts}: above the supply of {avcc_volts} V; lower it, or raise --vcc"
+        )));
+    }
     let mut machine = Machine::new(arguments.mcu, arguments.freq);
     machine.set_supply(Supply {
-        avcc_volts: arguments.vcc,
-        aref_volts: arguments.vcc,
+        avcc_volts,
+        aref_volts,
         ..Supply::default()
     });
+    machine.set_end_at_halt(arguments.cycles.is_none() || arguments.program_exit);
     machine.load(program.image());
-    machine
+    Ok(machine)
 }
 
 /// The dump that `--vcd` asks for.
@@ -332,6 +347,15 @@ fn supply(text: &str) -> Result<f64, String> {
         .ok_or_else(|| {
             let (least, most) = (SUPPLY_VOLTS.start(), SUPPLY_VOLTS.end());
             format!("expected volts from {least} to {most}, the supply range of the chip")
+        })
+}
+
+fn reference(text: &str) -> Result<f64, String> {
+    let volts = text.parse::<f64>().ok();
+    volts
+        .filter(|volts| (LEAST_REFERENCE_VOLTS..=*SUPPLY_VOLTS.end()).contains(volts))
+        .ok_or_else(|| {
+            format!("expected volts from {LEAST_REFERENCE_VOLTS} to the supply, see --vcc")
         })
 }
 

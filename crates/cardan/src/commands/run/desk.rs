@@ -39,6 +39,10 @@ impl Desk {
 }
 
 impl Environment for Desk {
+    fn shows_serial_edges(&self) -> bool {
+        self.waveform.is_some()
+    }
+
     fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
         if let Some(waveform) = &mut self.waveform {
             waveform.edge(cycle, pin, level);
