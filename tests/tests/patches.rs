@@ -188,3 +188,84 @@ fn every_patch_that_changes_an_output_is_caught_and_named() {
     assert_eq!(caught + silent.len(), 2 * PATCHES);
     assert!(caught >= PATCHES / 2, "most code matters: {caught} caught");
 }
+
+/// Exit code and first reason of the patched image's comparison.
+fn verdict(bytes: &[u8]) -> (Option<i32>, String) {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("patched.elf");
+    fs::write(&file, bytes).expect("writes");
+    let file = file.to_str().expect("a name");
+    let output = run(&[
+        "compare",
+        "--in-process",
+        "--json",
+        "--quiet",
+        "--seconds",
+        SECONDS,
+        "--firmware",
+        file,
+    ]);
+    let document: Value = serde_json::from_slice(&output.stdout).unwrap_or(Value::Null);
+    let first = document["reasons"][0].as_str().unwrap_or_default();
+    (output.status.code(), format!("{first}{}", stderr(&output)))
+}
+
+/// Faults that no node shows, since native works on the codes that they caused: each is a change of
+/// every instruction of one kind in the product's own code.
+#[test]
+fn faults_of_the_chip_that_no_node_shows_are_caught_and_named() {
+    type Change = fn(u16) -> Option<u16>;
+    const NOP: u16 = 0;
+    let faults: [(&str, Change, &str); 5] = [
+        (
+            "interrupts do not restore SREG",
+            // OUT 0x3f, Rr, in handlers only.
+            |word| (word & 0xfe0f == 0xbe0f).then_some(NOP),
+            "controller: interrupts that return with other registers",
+        ),
+        (
+            "the solving pin is dead",
+            // SBI 0x05, 5.
+            |word| (word == 0x9a2d).then_some(NOP),
+            "timing: ",
+        ),
+        (
+            "the core does not sleep",
+            |word| (word == 0x9588).then_some(NOP),
+            "controller: share of the time awake",
+        ),
+        (
+            "the converter takes AREF instead of AVCC",
+            // ORI Rd, 0x40: the reference bits of ADMUX.
+            |word| (word & 0xff0f == 0x6400).then_some(word & !0x0400),
+            "converter: ",
+        ),
+        (
+            "the converter's clock is halved",
+            // The prescaler's last bit, 128 to 64, in ADCSRA with its enable, trigger and interrupt.
+            |word| (word & 0xff0f == 0xea0f).then_some(word & !0x0001),
+            "timing: ",
+        ),
+    ];
+    let image = Image::bundled();
+    for (name, change, expected) in faults {
+        let mut bytes = image.bytes.clone();
+        let mut changed = 0;
+        for &address in &image.code {
+            if let Some(word) = change(image.word(address)) {
+                bytes[image.start + address..][..2].copy_from_slice(&word.to_le_bytes());
+                changed += 1;
+            }
+        }
+        assert!(changed > 0, "{name}: the image has no such instruction");
+        let (code, told) = verdict(&bytes);
+        assert!(
+            matches!(code, Some(1 | 3 | 4)),
+            "{name}: exit {code:?}: {told}"
+        );
+        assert!(
+            told.starts_with(expected),
+            "{name}: expected '{expected}': {told}"
+        );
+    }
+}
