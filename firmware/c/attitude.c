@@ -14,7 +14,7 @@
 
 /* The shifts below are those of the formats with this hash. After a change of formats (and
  * `cargo xtask c-header`) adapt them, then copy the new hash from nodes.h. */
-#if CARDAN_FORMATS_HASH != 0x64e8196a1e8da7f1
+#if CARDAN_FORMATS_HASH != 0x76631f26624299aa
 #error "attitude.c is written for other formats than nodes.h has: adapt its shifts, then this hash"
 #endif
 
@@ -35,6 +35,11 @@ CARDAN_TABLES;
 #define ASIN_1 FIXED(0.054809690876860634, ASIN_FRAC)
 #define ASIN_2 FIXED(0.012803647549659774, ASIN_FRAC)
 #define ASIN_3 FIXED(0.03761888323740325, ASIN_FRAC)
+/* 1 / sqrt(1 + x) = 1 + x (c_0 + x (c_1 + ...)), minimax for |x| <= 0.25. */
+#define INVERSE_0 FIXED(-0.4996977176205848, FRAC)
+#define INVERSE_1 FIXED(0.37437526482258165, FRAC)
+#define INVERSE_2 FIXED(-0.33244421932766566, FRAC)
+#define INVERSE_3 FIXED(0.29834512337212697, FRAC)
 #define QUARTER_TURN FIXED(0.5, FRAC_UNIT)
 #define HALF_TURN FIXED(-1.0, FRAC_UNIT) /* 1 and -1 are the same angle */
 /* Limits of the status bits. */
@@ -233,67 +238,75 @@ static int32_t less_square(int32_t from, int32_t square)
     return publish_wide(NODE_REST, limit31(from - square));
 }
 
-/* A squared specific force less that of gravity. */
-static int16_t beyond_gravity(int32_t sum)
-{
-    int16_t square = publish(NODE_GRAVITY_SQUARE, round_shift(sum, FRAC_SQUARE - FRAC_WIDE));
-
-    return subtract(NODE_EXCESS, square, FIXED(1.0, FRAC_WIDE));
-}
-
-/* Gravity's direction from all three readings. */
+/* Gravity's direction; along z and its excess only where a third axis measures. */
 struct gravity {
     int16_t x, y, z;
+    int32_t square_1, square_2;
     int16_t excess;
 };
+
+/* 1 / sqrt(1 + x) as a polynomial. */
+static int16_t inverse_root(int16_t x)
+{
+    static const int16_t coefficients[] = {INVERSE_0, INVERSE_1, INVERSE_2};
+    int16_t sum = INVERSE_3;
+    int8_t k;
+
+    for (k = 2; k >= 0; k--) {
+        int16_t term = publish(NODE_INVERSE_TERM, multiply_round(sum, x, FRAC_WIDE));
+
+        sum = add(NODE_INVERSE_SUM, term, coefficients[k]);
+    }
+    sum = publish(NODE_INVERSE_TERM, multiply_round(sum, x, FRAC_WIDE));
+    return add(NODE_INVERSE_LENGTH, sum, ONE);
+}
 
 static struct gravity gravity_of(const struct readings *r)
 {
     struct gravity g = {0};
-    int32_t square_1 = multiply_exact(NODE_SQUARE, r->t1, r->t1);
-    int32_t square_2 = multiply_exact(NODE_SQUARE, r->t2, r->t2);
-    int32_t sum = publish_wide(NODE_SQUARE_SUM, limit31(square_1 + square_2));
+    int32_t sum;
+    int16_t square, inverse;
 
-    if (calibration.third_tilt == MEASURED) {
-        int32_t square_3 = multiply_exact(NODE_SQUARE, r->t3, r->t3);
-        int16_t length, inverse;
-
-        sum = publish_wide(NODE_SQUARE_SUM, limit31(sum + square_3));
-        g.excess = beyond_gravity(sum);
-        length = publish(NODE_GRAVITY_LENGTH, square_root((uint32_t)sum));
-        inverse = divide(NODE_INVERSE_LENGTH, ONE, length, FRAC);
-        g.x = multiply(NODE_GRAVITY_X, r->t1, inverse);
-        g.y = multiply(NODE_GRAVITY_Y, r->t2, inverse);
-        g.z = multiply(NODE_GRAVITY_Z, r->t3, inverse);
-        g.excess = publish(NODE_EXCESS, magnitude_limited(g.excess));
-    } else {
-        g.excess = beyond_gravity(sum);
+    g.square_1 = multiply_exact(NODE_SQUARE, r->t1, r->t1);
+    g.square_2 = multiply_exact(NODE_SQUARE, r->t2, r->t2);
+    if (calibration.third_tilt != MEASURED) {
         g.x = publish(NODE_GRAVITY_X, r->t1);
         g.y = publish(NODE_GRAVITY_Y, r->t2);
-        g.excess = publish(NODE_EXCESS, g.excess < 0 ? 0 : g.excess);
+        return g;
     }
+    sum = publish_wide(NODE_SQUARE_SUM, limit31(g.square_1 + g.square_2));
+    sum = publish_wide(NODE_SQUARE_SUM, limit31(sum + multiply_exact(NODE_SQUARE, r->t3, r->t3)));
+    square = publish(NODE_GRAVITY_SQUARE, round_shift(sum, FRAC_SQUARE - FRAC_WIDE));
+    g.excess = subtract(NODE_EXCESS, square, FIXED(1.0, FRAC_WIDE));
+    inverse = inverse_root(g.excess);
+    g.x = multiply(NODE_GRAVITY_X, r->t1, inverse);
+    g.y = multiply(NODE_GRAVITY_Y, r->t2, inverse);
+    g.z = multiply(NODE_GRAVITY_Z, r->t3, inverse);
+    g.square_1 = multiply_exact(NODE_SQUARE, g.x, g.x);
+    g.square_2 = multiply_exact(NODE_SQUARE, g.y, g.y);
     return g;
 }
 
 static struct tilt tilt_of(const struct readings *r)
 {
     struct gravity g = gravity_of(r);
-    struct tilt tilt = {.x = g.x, .y = g.y, .excess = g.excess};
-    int32_t square_1 = multiply_exact(NODE_SQUARE, g.x, g.x);
-    int32_t square_2 = multiply_exact(NODE_SQUARE, g.y, g.y);
-    int32_t rest_1 = less_square(ONE_SQUARE, square_1);
-    int32_t rest_2 = less_square(ONE_SQUARE, square_2);
+    struct tilt tilt = {.x = g.x, .y = g.y};
+    int32_t rest_1 = less_square(ONE_SQUARE, g.square_1);
+    int32_t rest_2 = less_square(ONE_SQUARE, g.square_2);
 
     tilt.cos_1 = root(NODE_COS_1, rest_1);
     tilt.cos_2 = root(NODE_COS_2, rest_2);
     if (calibration.third_tilt == MEASURED) {
         tilt.down = publish(NODE_DOWN, magnitude_limited(g.z));
         tilt.down_square = multiply(NODE_DOWN_SQUARE, g.z, g.z);
+        tilt.excess = publish(NODE_EXCESS, magnitude_limited(g.excess));
     } else {
-        int32_t rest = less_square(rest_1, square_2);
+        int32_t rest = less_square(rest_1, g.square_2);
 
         tilt.down = root(NODE_DOWN, rest);
         tilt.down_square = publish(NODE_DOWN_SQUARE, round_shift(rest, FRAC_SQUARE - FRAC));
+        tilt.excess = publish(NODE_EXCESS, round_shift(-(int32_t)tilt.down_square, FRAC - FRAC_WIDE));
+        tilt.excess = publish(NODE_EXCESS, tilt.excess < 0 ? 0 : tilt.excess);
     }
     tilt.sin_roll = divide(NODE_SIN_ROLL, g.y, tilt.cos_1, FRAC);
     tilt.cos_roll = divide(NODE_COS_ROLL, tilt.down, tilt.cos_1, FRAC);

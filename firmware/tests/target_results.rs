@@ -51,10 +51,11 @@ fn the_committed_results_are_the_hosts() {
 #[test]
 fn the_solutions_differ_from_each_other_and_most_are_valid() {
     let frames = results().frames;
-    // The attitudes jump, so the half space gets lost on the way; nothing else is odd.
+    // The attitudes jump, so the half space gets lost on the way, and one lies at the horizon, where the
+    // heading is noise, which the next remember; nothing else is odd.
     let valid = frames.iter().filter(|frame| frame.flags == 0).count();
     assert!(valid >= SOLUTIONS / 3, "{frames:?}");
-    let is_odd = |frame: &Frame| frame.flags & !flags::HALF_SPACE != 0;
+    let is_odd = |frame: &Frame| frame.flags & !(flags::HALF_SPACE | flags::INCONSISTENT) != 0;
     assert!(!frames.iter().any(is_odd), "{frames:?}");
     for pair in frames.windows(2) {
         assert_ne!(pair[0].angles, pair[1].angles);

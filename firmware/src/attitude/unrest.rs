@@ -5,7 +5,7 @@ use cardan_spec::flags;
 use cardan_spec::timing::Averaging;
 
 use super::constants::{AccelerationLimit, InconsistencyLimit, MostUnrest, Unity, Zero};
-use crate::nodes::{Acceleration, Excess, Faded, Fading, HeadingSquare, Inconsistency, Limit};
+use crate::nodes::{Acceleration, Excess, Faded, Fading, HeadingSquare, Inconsistency};
 
 /// Fractional bits of the part that is left of an excess.
 const FADING_FRAC: u32 = 15;
@@ -46,13 +46,16 @@ impl<M: Arithmetic> Unrest<M> {
         m.raise(
             flags::INCONSISTENT,
             m.less(
-                m.constant::<Limit, InconsistencyLimit>(),
+                m.constant::<Inconsistency, InconsistencyLimit>(),
                 self.inconsistency,
             ),
         );
         m.raise(
             flags::ACCELERATED,
-            m.less(m.constant::<Limit, AccelerationLimit>(), self.acceleration),
+            m.less(
+                m.constant::<Acceleration, AccelerationLimit>(),
+                self.acceleration,
+            ),
         );
     }
 }

@@ -10,8 +10,9 @@ use cardan_firmware::calibration::{NOMINAL, Settings};
 use cardan_firmware::device::Solver;
 use cardan_firmware::frame::{Frame, crc16};
 use cardan_firmware::nodes::{
-    Accumulator, Block, Centred, Cos1, CosRoll, Down, HeadingCos1, LevelCos, One, Radicand, Square,
-    TiltGain, TiltProduct, TiltX, TiltY, Weight1, YawCorrection, YawDifference,
+    Accumulator, Block, Centred, Cos1, CosRoll, Down, Excess, HeadingCos1, InverseHorizontal,
+    InverseSum, InverseTerm, LevelCos, LevelX, One, Radicand, Square, TiltGain, TiltProduct, TiltX,
+    TiltY, Weight1, YawCorrection, YawDifference,
 };
 use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::LEN;
@@ -138,6 +139,8 @@ pub(crate) fn products() -> u16 {
         let product = m.mul::<TiltProduct, TiltGain, Centred>(words.value(), words.value());
         sum.add(product);
         sum.add(m.mul::<Square, TiltX, TiltX>(words.value(), words.value()));
+        sum.add(m.mul::<LevelCos, LevelX, InverseHorizontal>(words.value(), words.value()));
+        sum.add(m.mul::<InverseTerm, InverseSum, Excess>(words.value(), words.value()));
     })
 }
 

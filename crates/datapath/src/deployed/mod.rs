@@ -162,8 +162,10 @@ impl<T: Tap> Arithmetic for Deployed<T> {
         if A::FORMAT.word <= 16 && B::FORMAT.word <= 16 && bits <= 32 {
             let (a, b) = (raw16(a), raw16(b));
             let shift = frac.wrapping_sub(N::FORMAT.frac);
-            if Self::WITH_KERNELS && is_kernel_word(N::FORMAT) && (14..=16).contains(&shift) {
+            if Self::WITH_KERNELS && is_kernel_word(N::FORMAT) && (12..=16).contains(&shift) {
                 return self.write16(match shift {
+                    12 => kernel::multiply_round12(a, b),
+                    13 => kernel::multiply_round13(a, b),
                     14 => kernel::multiply_round14(a, b),
                     15 => kernel::multiply_round15(a, b),
                     _ => kernel::multiply_round16(a, b),

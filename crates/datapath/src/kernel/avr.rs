@@ -186,7 +186,15 @@ macro_rules! multiply_round {
     };
 }
 multiply_round! {
-    /// a b / 2^14, to nearest with ties up, limited to 16 bits.
+    /// a b / 2^12, to nearest with ties up, limited to 16 bits.
+    multiply_round12 double double double double
+}
+multiply_round! {
+    /// a b / 2^13, likewise.
+    multiply_round13 double double double
+}
+multiply_round! {
+    /// a b / 2^14, likewise.
     multiply_round14 double double
 }
 multiply_round! {

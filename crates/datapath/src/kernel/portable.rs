@@ -65,6 +65,18 @@ pub fn round15(raw: i32) -> i16 {
     round(raw, 15)
 }
 
+/// a b / 2^12, to nearest with ties up, limited to 16 bits.
+#[inline(always)]
+pub fn multiply_round12(a: i16, b: i16) -> i16 {
+    round(multiply16(a, b), 12)
+}
+
+/// a b / 2^13, likewise.
+#[inline(always)]
+pub fn multiply_round13(a: i16, b: i16) -> i16 {
+    round(multiply16(a, b), 13)
+}
+
 /// a b / 2^14, likewise.
 #[inline(always)]
 pub fn multiply_round14(a: i16, b: i16) -> i16 {

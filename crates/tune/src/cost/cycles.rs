@@ -179,7 +179,7 @@ fn count(tape: &Tape, formats: &[Format], entry: &Entry, counts: &mut Cycles) {
             let shift = wide.frac.wrapping_sub(own.frac);
             if !(is_small(a) && is_small(b) && wide.bits <= 32) {
                 counts.multiply[wide.size()] += 1.0;
-            } else if is_kernel_word(own) && (14..=16).contains(&shift) {
+            } else if is_kernel_word(own) && (12..=16).contains(&shift) {
                 counts.kernel_multiply += 1.0;
                 return;
             } else if own.word == 31 && shift == 0 && own.overflow == Overflow::Saturate {
