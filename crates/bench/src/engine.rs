@@ -141,6 +141,12 @@ pub struct Summary {
     pub mistimed: u64,
     /// The first of them, in words.
     pub first_mistimed: Option<String>,
+    /// Returns from interrupts whose registers were compared with those at their entry.
+    pub checked_returns: u64,
+    /// Those that left other registers, or another SREG, than they found.
+    pub damaged_returns: u64,
+    /// The first vector of them, in words.
+    pub first_damage: Option<String>,
     /// Worst interrupt latency in cycles.
     pub isr_latency_max_cycles: u64,
     /// Why the emulated program crashed, with its address and instruction.

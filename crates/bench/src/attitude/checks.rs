@@ -208,7 +208,26 @@ fn controller(summary: &Summary) -> Vec<Check> {
         reason: reason.to_owned(),
     };
     let awake = summary.cycles.saturating_sub(summary.sleeping_cycles) as f64;
-    vec![
+    let damage = summary.first_damage.as_deref();
+    let mut checks = vec![check(
+        "interrupts that return with other registers than they found",
+        summary.damaged_returns as f64,
+        0.0,
+        "returns",
+        damage.unwrap_or("every handler restores what it uses"),
+    )];
+    // A run in which no return was looked at has checked nothing.
+    checks.push(Check {
+        least: 1.0,
+        ..check(
+            "interrupts whose registers were compared at their return",
+            summary.checked_returns as f64,
+            u64::MAX as f64,
+            "returns",
+            "at least one: otherwise nothing was checked",
+        )
+    });
+    checks.extend([
         check(
             "share of the time awake",
             awake / summary.cycles as f64,
@@ -230,5 +249,6 @@ fn controller(summary: &Summary) -> Vec<Check> {
             "bytes",
             "what is left beside the static data",
         ),
-    ]
+    ]);
+    checks
 }

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use cardan_emulator::{ATMEGA328P, Machine, Stop};
+use cardan_emulator::{ATMEGA328P, Machine, Stop, Supply};
 use cardan_firmware::nodes::{Accumulator, Sample};
 use cardan_frontend::{AdcErrors, Design, Frontend};
 use cardan_scenario::{Scenario, Trajectory};
@@ -16,6 +16,10 @@ use super::{calibration_of, settings_of};
 use crate::app::Configuration;
 use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
 use crate::image::Firmware;
+
+/// The voltage at AREF, where the board has a capacitor and nothing else: the design converts against
+/// AVCC, and firmware that takes the pin's voltage instead gives other codes.
+const AREF_VOLTS: f64 = 4.5;
 
 /// A machine with its firmware, ready on a board.
 pub(super) struct EmulatedEngine {
@@ -42,6 +46,10 @@ impl EmulatedEngine {
             .map_err(|error| format!("scenario {}: {error}", scenario.name))?;
         let mut machine = Machine::new(&ATMEGA328P, CPU_HZ);
         machine.load(&firmware.image);
+        machine.set_supply(Supply {
+            aref_volts: AREF_VOLTS,
+            ..machine.supply()
+        });
         let settings = settings_of(configuration);
         machine.eeprom_mut()[..LEN].copy_from_slice(&settings.image());
         Ok(Self {
@@ -117,6 +125,13 @@ impl Engine for EmulatedEngine {
             missed_deadlines: state.missed_deadlines,
             mistimed: state.schedule.violations(),
             first_mistimed: state.schedule.first_violation(),
+            checked_returns: statistics.vectors.iter().map(|vector| vector.returns).sum(),
+            damaged_returns: statistics.vectors.iter().map(|vector| vector.damaged).sum(),
+            first_damage: self
+                .machine
+                .interrupt_damage()
+                .first()
+                .map(ToString::to_string),
             isr_latency_max_cycles: statistics
                 .vectors
                 .iter()

@@ -47,6 +47,8 @@ pub struct Uncertain {
     id: u64,
     /// For truths: the value whose sign it is.
     sign_of: u64,
+    /// For truths: the two values of which it says that the first is less.
+    less_of: [u64; 2],
 }
 
 /// The expected difference of a fixed-point value from its real one.
@@ -157,6 +159,8 @@ struct Propagation<'a> {
     domain_flag: u16,
     /// Sources of this step so far; the first are what earlier steps left.
     sources: usize,
+    /// Values that earlier steps left, the first sources of every step.
+    carried: usize,
     /// Operations so far.
     operations: u64,
     /// Status bits of the step: on real numbers, for certain in fixed point, and at most there.
@@ -172,6 +176,17 @@ impl Propagation<'_> {
             spread.resize(self.sources, 0.0);
             spread.push(deviation);
             self.sources += 1;
+        }
+    }
+
+    /// Adds the error of a rounding. In a loop roundings repeat themselves (a dead band, a limit
+    /// cycle): there it goes with the error that came from the step before.
+    fn add_rounding(&mut self, spread: &mut Vec<f64>, deviation: f64) {
+        let from_before = spread.iter_mut().take(self.carried);
+        let largest = from_before.max_by(|a, b| a.abs().total_cmp(&b.abs()));
+        match largest {
+            Some(part) if *part != 0.0 => *part += deviation.copysign(*part),
+            _ => self.add_source(spread, deviation),
         }
     }
 
@@ -199,7 +214,7 @@ impl Propagation<'_> {
         };
         let (variance, mean) = rounding_noise(format, dropped);
         let mut spread = std::mem::take(&mut item.spread);
-        self.add_source(&mut spread, variance.sqrt());
+        self.add_rounding(&mut spread, variance.sqrt());
         item.spread = spread;
         item.bias += mean;
         self.limit(format, &mut item);
@@ -212,27 +227,44 @@ impl Propagation<'_> {
         item.value = finite(item.value);
         if format.overflow == Overflow::Wrap {
             item.value = wrapped(item.value, format);
-            return;
         }
         let (least, most) = (format.real(format.min_raw()), format.real(format.max_raw()));
+        if item.unbounded {
+            // A word is never farther away than its range is wide.
+            item.unbounded = false;
+            let mut spread = Vec::new();
+            self.add_source(&mut spread, (most - least) / JUMP);
+            item.spread = spread;
+            return;
+        }
+        if format.overflow == Overflow::Wrap {
+            return;
+        }
         let native = item.value + item.bias;
         let reach = item.reach();
         if native - reach > most || native + reach < least {
-            // Certainly limited: the error is the distance to the end of the range.
-            item.bias = if native > most { most } else { least } - item.value;
+            // Certainly limited. The place by which a range ends early is what the format explains; a
+            // value that is farther out does not fit, and that is no rounding.
+            let end = if native > most { most } else { least };
+            item.bias = (end - item.value).clamp(-format.lsb(), format.lsb());
             item.spread.clear();
-            item.unbounded = false;
         } else if native > most || native < least {
-            item.bias = native.clamp(least, most) - item.value;
+            let limited = native.clamp(least, most) - item.value;
+            item.bias = limited.clamp(
+                item.bias.min(0.0) - format.lsb(),
+                item.bias.max(0.0) + format.lsb(),
+            );
         }
     }
 
-    /// A value that is known before the run: its error is known too.
+    /// A value that is known before the run: its error is known too. More than a place is no rounding:
+    /// the value does not fit.
     fn known(&self, node: usize, value: f64, word: i64) -> Uncertain {
         let format = self.formats[node];
+        let error = format.real(word) - value;
         Uncertain {
             value,
-            bias: format.real(word) - value,
+            bias: error.clamp(-format.lsb(), format.lsb()),
             frac: format.frac.into(),
             ..Uncertain::default()
         }
@@ -387,7 +419,15 @@ impl Propagation<'_> {
         // The larger of a value and zero.
         let limited = condition.sign_of != 0 && condition.sign_of == b.id && a.value >= 0.0;
         item.nonnegative = limited || a.nonnegative && b.nonnegative;
-        if condition.doubtful {
+        let is_extreme = condition.less_of == [a.id, b.id] || condition.less_of == [b.id, a.id];
+        if condition.doubtful && is_extreme && a.id != 0 && b.id != 0 {
+            // The lesser or the larger of two values is off by no more than either of them.
+            let either = (chosen.variance() + other.variance()).sqrt();
+            item.unbounded |= other.unbounded;
+            let mut spread = Vec::new();
+            self.add_source(&mut spread, either);
+            item.spread = spread;
+        } else if condition.doubtful {
             let apart = chosen.value + chosen.bias - other.value - other.bias;
             let jump = (apart / JUMP).powi(2) + other.variance();
             item.unbounded |= other.unbounded;
@@ -491,7 +531,10 @@ impl Propagation<'_> {
                 magnitude
             }
             Op::Select(condition, a, b) => self.select(node, condition, a, b),
-            Op::Less(a, b) => Self::less(a, b),
+            Op::Less(a, b) => Uncertain {
+                less_of: [a.id, b.id],
+                ..Self::less(a, b)
+            },
             Op::Negative(a) => Uncertain {
                 sign_of: a.id,
                 ..Self::sign(a.value, a.bias, a.deviation())
@@ -541,6 +584,7 @@ impl<'a> Uncertainty<'a> {
             formats,
             domain_flag,
             sources: carried.len(),
+            carried: carried.len(),
             operations: 0,
             status: 0,
             certain: 0,
