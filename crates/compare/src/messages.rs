@@ -11,7 +11,7 @@ use crate::metrics::exceeds;
 use crate::verdict::Reason;
 
 /// Solutions in which a status bit may be doubtful: rounding decides there, and the bit is not judged.
-const MOST_DOUBTFUL: f64 = 0.02;
+const MOST_DOUBTFUL: f64 = 0.05;
 
 /// A quantity as the messages tell it, against golden on the same inputs.
 #[derive(Clone, Debug, Serialize)]

@@ -24,6 +24,8 @@ use crate::mixed::{finite, wrapped};
 const REACH: f64 = 6.0;
 /// Standard deviations that the least limit on an error permits.
 const LEAST_REACH: f64 = 4.0;
+/// Largest value of a uniform error over its standard deviation.
+const WIDEST: f64 = 1.732_050_807_568_877_2;
 /// Standard deviations by which a value may jump that a doubtful selection picks, so that both
 /// choices lie well within the limits that are set on errors.
 const JUMP: f64 = 3.0;
@@ -41,6 +43,8 @@ pub struct Uncertain {
     doubtful: bool,
     /// The error has no bound: a divisor may be zero.
     unbounded: bool,
+    /// What the word can be at all.
+    span: Span,
     /// The word is never negative, whatever rounding does.
     nonnegative: bool,
     /// Number of the operation that made it; 0 before any.
@@ -69,6 +73,77 @@ pub struct Raised {
     pub status: u16,
     /// Bits that rounding could set or clear.
     pub doubtful: u16,
+}
+
+/// A closed interval that holds a fixed-point value.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+struct Span {
+    lo: f64,
+    hi: f64,
+}
+
+impl Span {
+    fn of(lo: f64, hi: f64) -> Self {
+        Self { lo, hi }
+    }
+
+    /// Both ends of all combinations of the ends.
+    fn combined(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
+        let ends = [
+            f(self.lo, other.lo),
+            f(self.lo, other.hi),
+            f(self.hi, other.lo),
+            f(self.hi, other.hi),
+        ];
+        let least = ends.into_iter().fold(f64::INFINITY, f64::min);
+        let most = ends.into_iter().fold(f64::NEG_INFINITY, f64::max);
+        Self::of(least, most)
+    }
+
+    fn hull(self, other: Self) -> Self {
+        Self::of(self.lo.min(other.lo), self.hi.max(other.hi))
+    }
+
+    /// The quotient; a divisor that may be 0 leaves one end open, or both.
+    fn over(self, divisor: Self) -> Self {
+        if divisor.lo > 0.0 || divisor.hi < 0.0 {
+            return self.combined(divisor, |a, b| a / b);
+        }
+        if divisor.lo == 0.0 && self.lo > 0.0 {
+            return Self::of(self.lo / divisor.hi, f64::INFINITY);
+        }
+        if divisor.lo == 0.0 && self.hi < 0.0 {
+            return Self::of(f64::NEG_INFINITY, self.hi / divisor.hi);
+        }
+        Self::of(f64::NEG_INFINITY, f64::INFINITY)
+    }
+
+    fn square(self) -> Self {
+        let (a, b) = (self.lo.abs(), self.hi.abs());
+        let least = if self.lo <= 0.0 && self.hi >= 0.0 {
+            0.0
+        } else {
+            a.min(b)
+        };
+        Self::of(least * least, a.max(b) * a.max(b))
+    }
+
+    fn magnitude(self) -> Self {
+        let (a, b) = (self.lo.abs(), self.hi.abs());
+        let least = if self.lo <= 0.0 && self.hi >= 0.0 {
+            0.0
+        } else {
+            a.min(b)
+        };
+        Self::of(least, a.max(b))
+    }
+
+    /// The common part, within the range of a word and a place around what is exact; `other` where
+    /// rounding of f64 leaves none.
+    fn within(self, other: Self, lsb: f64) -> Self {
+        let (lo, hi) = ((self.lo - lsb).max(other.lo), (self.hi + lsb).min(other.hi));
+        if lo <= hi { Self::of(lo, hi) } else { other }
+    }
 }
 
 impl Uncertain {
@@ -185,7 +260,7 @@ impl Propagation<'_> {
         let from_before = spread.iter_mut().take(self.carried);
         let largest = from_before.max_by(|a, b| a.abs().total_cmp(&b.abs()));
         match largest {
-            Some(part) if *part != 0.0 => *part += deviation.copysign(*part),
+            Some(part) if *part != 0.0 => *part += (WIDEST * deviation).copysign(*part),
             _ => self.add_source(spread, deviation),
         }
     }
@@ -217,7 +292,20 @@ impl Propagation<'_> {
         self.add_rounding(&mut spread, variance.sqrt());
         item.spread = spread;
         item.bias += mean;
+        let range = Span::of(format.real(format.min_raw()), format.real(format.max_raw()));
+        item.span = match format.overflow {
+            Overflow::Wrap => range,
+            Overflow::Saturate | Overflow::Trap => Span::of(
+                item.span.lo.clamp(range.lo, range.hi),
+                item.span.hi.clamp(range.lo, range.hi),
+            )
+            .within(range, format.lsb()),
+        };
         self.limit(format, &mut item);
+        if format.overflow != Overflow::Wrap {
+            let (native, reach) = (item.value + item.bias, item.reach());
+            item.span = Span::of(native - reach, native + reach).within(item.span, format.lsb());
+        }
         item.frac = format.frac.into();
         item
     }
@@ -230,10 +318,13 @@ impl Propagation<'_> {
         }
         let (least, most) = (format.real(format.min_raw()), format.real(format.max_raw()));
         if item.unbounded {
-            // A word is never farther away than its range is wide.
+            // A word is never farther away than its span is wide.
             item.unbounded = false;
             let mut spread = Vec::new();
-            self.add_source(&mut spread, (most - least) / JUMP);
+            let far = (item.span.hi - item.value)
+                .abs()
+                .max((item.value - item.span.lo).abs());
+            self.add_source(&mut spread, far.min(most - least) / JUMP);
             item.spread = spread;
             return;
         }
@@ -265,6 +356,7 @@ impl Propagation<'_> {
         Uncertain {
             value,
             bias: error.clamp(-format.lsb(), format.lsb()),
+            span: Span::of(format.real(word), format.real(word)),
             frac: format.frac.into(),
             ..Uncertain::default()
         }
@@ -294,6 +386,7 @@ impl Propagation<'_> {
     fn sum(&mut self, node: usize, a: &Uncertain, b: &Uncertain, by: f64) -> Uncertain {
         let item = Uncertain {
             value: a.value + by * b.value,
+            span: a.span.combined(b.span, |a, b| a + by * b),
             bias: a.bias + by * b.bias,
             spread: weighted(&a.spread, 1.0, &b.spread, by),
             unbounded: a.unbounded || b.unbounded,
@@ -311,6 +404,11 @@ impl Propagation<'_> {
         }
         let item = Uncertain {
             value: a.value * b.value,
+            span: if a.id == b.id && a.id != 0 {
+                a.span.square()
+            } else {
+                a.span.combined(b.span, |a, b| a * b)
+            },
             nonnegative: a.id == b.id && a.id != 0,
             bias: a.bias * b.value + b.bias * a.value + a.bias * b.bias,
             spread,
@@ -344,6 +442,7 @@ impl Propagation<'_> {
         let (by_a, by_b) = (1.0 / divisor, -a.value / (divisor * divisor));
         let item = Uncertain {
             value: a.value / divisor,
+            span: a.span.over(b.span),
             bias: a.bias * by_a + b.bias * by_b,
             spread: weighted(
                 &a.spread,
@@ -387,6 +486,7 @@ impl Propagation<'_> {
         };
         let item = Uncertain {
             value,
+            span: Span::of(root(a.span.lo), root(a.span.hi)),
             bias: root(native) - value,
             spread: a.spread.iter().map(|part| part * slope).collect(),
             unbounded: a.unbounded,
@@ -399,6 +499,9 @@ impl Propagation<'_> {
     fn scaled(&mut self, node: usize, a: &Uncertain, factor: f64, natural: i64) -> Uncertain {
         let item = Uncertain {
             value: a.value * factor,
+            span: a
+                .span
+                .combined(Span::of(factor, factor), |a, factor| a * factor),
             bias: a.bias * factor,
             spread: a.spread.iter().map(|part| part * factor).collect(),
             unbounded: a.unbounded,
@@ -424,6 +527,12 @@ impl Propagation<'_> {
             // The lesser or the larger of two values is off by no more than either of them.
             let either = (chosen.variance() + other.variance()).sqrt();
             item.unbounded |= other.unbounded;
+            // select(a < b, a, b) is the lesser, select(b < a, a, b) the larger.
+            item.span = if condition.less_of == [a.id, b.id] {
+                a.span.combined(b.span, f64::min)
+            } else {
+                a.span.combined(b.span, f64::max)
+            };
             let mut spread = Vec::new();
             self.add_source(&mut spread, either);
             item.spread = spread;
@@ -431,6 +540,7 @@ impl Propagation<'_> {
             let apart = chosen.value + chosen.bias - other.value - other.bias;
             let jump = (apart / JUMP).powi(2) + other.variance();
             item.unbounded |= other.unbounded;
+            item.span = a.span.hull(b.span);
             let mut spread = std::mem::take(&mut item.spread);
             self.add_source(&mut spread, jump.sqrt());
             item.spread = spread;
@@ -448,6 +558,13 @@ impl Propagation<'_> {
         Self::truth(negative, turned || !reach.is_finite())
     }
 
+    fn negative(a: &Uncertain) -> Uncertain {
+        let mut negative = Self::sign(a.value, a.bias, a.deviation());
+        negative.doubtful &=
+            !(a.span.hi < 0.0 && negative.holds()) && !(a.span.lo >= 0.0 && !negative.holds());
+        negative
+    }
+
     fn less(a: &Uncertain, b: &Uncertain) -> Uncertain {
         let spread = weighted(&a.spread, 1.0, &b.spread, -1.0);
         let variance: f64 = spread.iter().map(|part| part * part).sum();
@@ -456,7 +573,11 @@ impl Propagation<'_> {
         } else {
             variance.sqrt()
         };
-        Self::sign(a.value - b.value, a.bias - b.bias, deviation)
+        let mut less = Self::sign(a.value - b.value, a.bias - b.bias, deviation);
+        // What the words can be at all may settle it.
+        less.doubtful &=
+            !(a.span.hi < b.span.lo && less.holds()) && !(a.span.lo >= b.span.hi && !less.holds());
+        less
     }
 
     fn lookup(&mut self, node: usize, index: &Uncertain, table: &'static [f64]) -> Uncertain {
@@ -528,6 +649,7 @@ impl Propagation<'_> {
                 let sign = if a.value < 0.0 { -1.0 } else { 1.0 };
                 let mut magnitude = self.scaled(node, a, sign, a.frac);
                 magnitude.nonnegative = true;
+                magnitude.span = a.span.magnitude().within(magnitude.span, 0.0);
                 magnitude
             }
             Op::Select(condition, a, b) => self.select(node, condition, a, b),
@@ -537,7 +659,7 @@ impl Propagation<'_> {
             },
             Op::Negative(a) => Uncertain {
                 sign_of: a.id,
-                ..Self::sign(a.value, a.bias, a.deviation())
+                ..Self::negative(a)
             },
             Op::Known(value) => Self::truth(value, false),
             Op::Not(a) => Self::truth(!a.holds(), a.doubtful),
