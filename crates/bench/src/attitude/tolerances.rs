@@ -8,6 +8,8 @@
 //! With a third tilt axis solutions are unflagged up to 80 degrees of tilt in all directions: there
 //! those of `STEEP` hold, 2 to 2.5 times the largest error over `somersault` with seeds 1 to 5, 24 s.
 
+use cardan_spec::ThirdTilt;
+
 use crate::app::{Configuration, Tolerance};
 
 const fn tolerance(node: &'static str, max_abs: f64, reason: &'static str) -> Tolerance {
@@ -100,10 +102,13 @@ const LONGEST_EXACT: usize = 64;
 pub(super) fn of(configuration: &Configuration) -> Vec<Tolerance> {
     let is_long = configuration.averaging().length() > LONGEST_EXACT;
     let rounded = tolerance("average", 1.6e-5, "rounded to half a place of 2^-15");
+    let reading = tolerance("tilt_z", 8e-5, CALIBRATED);
+    let is_measured = configuration.third_tilt() == ThirdTilt::Measured;
     let given = |&given: &Tolerance| {
         let steep = STEEP.iter().find(|steep| steep.node == given.node);
         match steep.filter(|_| configuration.third_tilt().is_fitted()) {
             Some(&steep) => steep,
+            None if is_measured && given.node == reading.node => reading,
             None if is_long && given.node == rounded.node => rounded,
             None => given,
         }
