@@ -81,7 +81,7 @@ const STEEP_SLOPE: &str =
     "as without a third axis, but unflagged everywhere up to 80 degrees of tilt";
 
 /// With a third tilt axis, in place of those above.
-static STEEP: [Tolerance; 11] = [
+static STEEP: [Tolerance; 13] = [
     tolerance("cos_1", 4.0e-4, STEEP_SLOPE),
     tolerance("cos_2", 4.0e-4, STEEP_SLOPE),
     tolerance("down", 5.0e-4, STEEP_SLOPE),
@@ -91,6 +91,16 @@ static STEEP: [Tolerance; 11] = [
     tolerance("yaw", 4.0e-3, STEEP_SLOPE),
     tolerance("pitch", 1.6e-4, STEEP_SLOPE),
     tolerance("roll", 5.0e-4, STEEP_SLOPE),
+    tolerance(
+        "gravity_x",
+        1.8e-4,
+        "a reading times a rounded reciprocal length",
+    ),
+    tolerance(
+        "gravity_y",
+        1.8e-4,
+        "a reading times a rounded reciprocal length",
+    ),
     tolerance("heading_square", 3.2e-2, STEEP_SLOPE),
     tolerance("inconsistency", 3.2e-2, STEEP_SLOPE),
 ];
