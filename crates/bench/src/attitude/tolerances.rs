@@ -26,6 +26,8 @@ const CALIBRATED: &str =
 const ROOT: &str = "the root of a difference that a tilt of 65 degrees leaves small divides the \
                     rounding of the readings by 2 cos";
 const HEADING: &str = "a quotient of rounded terms by h cos_1, at most 1/8 on steep slopes";
+const SQUARE: &str =
+    "the square of a quotient by d3, which at 80 degrees of tilt multiplies rounding by 30";
 const ANGLE: &str = "one place of the polynomial and the rounded sine behind it";
 
 /// By node; the measured error is 1/3 to 1/2 of each.
@@ -68,8 +70,8 @@ static TOLERANCES: [Tolerance; 25] = [
     ),
     tolerance("gravity_x", 8e-5, CALIBRATED),
     tolerance("gravity_y", 8e-5, CALIBRATED),
-    tolerance("heading_square", 4e-3, HEADING),
-    tolerance("inconsistency", 4e-3, HEADING),
+    tolerance("heading_square", 3.2e-2, SQUARE),
+    tolerance("inconsistency", 3.2e-2, SQUARE),
     tolerance(
         "acceleration",
         4e-3,
@@ -81,7 +83,7 @@ const STEEP_SLOPE: &str =
     "as without a third axis, but unflagged everywhere up to 80 degrees of tilt";
 
 /// With a third tilt axis, in place of those above.
-static STEEP: [Tolerance; 13] = [
+static STEEP: [Tolerance; 11] = [
     tolerance("cos_1", 4.0e-4, STEEP_SLOPE),
     tolerance("cos_2", 4.0e-4, STEEP_SLOPE),
     tolerance("down", 5.0e-4, STEEP_SLOPE),
@@ -101,8 +103,6 @@ static STEEP: [Tolerance; 13] = [
         1.8e-4,
         "a reading times a rounded reciprocal length",
     ),
-    tolerance("heading_square", 3.2e-2, STEEP_SLOPE),
-    tolerance("inconsistency", 3.2e-2, STEEP_SLOPE),
 ];
 
 /// Longest average that its node holds without rounding: six fractional bits of a code.
