@@ -387,11 +387,12 @@ static void start_carrier(void)
     TCCR1B = _BV(WGM13) | _BV(WGM12) | _BV(CS10);
 }
 
-/* After the carrier: a turn begins with its edge, so the prescaler starts anew. */
+/* After the carrier: a turn begins with its edge, so the prescaler starts anew. The reset comes first: a
+ * tick before it would count. */
 static void start_turns(void)
 {
-    TCCR2B = _BV(CS22) | _BV(CS20);
     GTCCR = _BV(PSRASY);
+    TCCR2B = _BV(CS22) | _BV(CS20);
 }
 
 static void prepare_turns(void)

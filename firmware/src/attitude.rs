@@ -149,6 +149,9 @@ struct Third<M: Arithmetic> {
     t3: Value<M, TiltZ>,
 }
 
+/// Fractional bits with which a comparator's sign is taken in.
+pub const SIGN_FRAC: u32 = 14;
+
 /// The reading of the third tilt axis.
 #[inline(always)]
 fn third_tilt<M: Arithmetic>(
@@ -164,8 +167,10 @@ fn third_tilt<M: Arithmetic>(
             let centred: Value<M, Centred> = m.sub(average, calibration.tilt_z_offset);
             m.mul(calibration.tilt_z_gain, centred)
         }
-        ThirdTilt::Comparator => m.input::<TiltZ, 0>(sign.into()),
-        ThirdTilt::Absent => m.input::<TiltZ, 0>(0),
+        // With the node's own fractional bits, which spares a shift.
+        ThirdTilt::Comparator | ThirdTilt::Absent => {
+            m.input::<TiltZ, SIGN_FRAC>(i32::from(i16::from(sign) << SIGN_FRAC))
+        }
     };
     Third { kind, t3 }
 }

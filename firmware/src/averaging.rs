@@ -82,8 +82,8 @@ pub struct Averager<M: Arithmetic> {
     channels: u8,
     /// The first place of a block that is summed; none of the warm-up's is.
     first: u8,
-    /// Blocks that have ended, modulo 256.
-    ended: u8,
+    /// Pairs of blocks that have ended, modulo 256.
+    pairs: u8,
     late: bool,
     /// Of the main loop: the block whose end it waits for, modulo 256.
     awaited: u8,
@@ -109,7 +109,7 @@ impl<M: Arithmetic> Averager<M> {
             turn: Turn(0),
             channels: averaging.channels() as u8,
             first: BLOCK,
-            ended: 0,
+            pairs: 0,
             late: false,
             awaited: 0,
             warm_up: WARM_UP_BLOCKS as u8,
@@ -134,10 +134,11 @@ impl<M: Arithmetic> Averager<M> {
     #[inline(always)]
     pub fn advance(&mut self, turn: Turn) -> Turn {
         let mut next = turn.0 + 1;
-        if next % ROUND == self.channels {
+        if (next ^ self.channels) % ROUND == 0 {
             next = (next | (ROUND - 1)).wrapping_add(1);
-            if next % BLOCK == 0 {
-                self.ended = self.ended.wrapping_add(1);
+            // In the last round of both blocks. (Looking at `next` costs a register more.)
+            if turn.0 >= 0_u8.wrapping_sub(ROUND) {
+                self.pairs = self.pairs.wrapping_add(1);
             }
         }
         self.turn = Turn(next);
@@ -163,12 +164,13 @@ impl<M: Arithmetic> Averager<M> {
     /// interrupt may come. (Sums that nobody takes are added to those of the next block
     /// but one, which is marked late.)
     pub fn take(&mut self, m: &M) -> Option<Sums<M>> {
-        let ended = self.ended.wrapping_sub(self.awaited);
+        let all = self.pairs.wrapping_mul(BANKS as u8) + self.turn.bank();
+        let ended = all.wrapping_sub(self.awaited);
         if ended == 0 {
             return None;
         }
         let bank = usize::from(self.awaited) % BANKS;
-        self.awaited = self.ended;
+        self.awaited = all;
         if self.warm_up > 0 {
             self.warm_up = self.warm_up.saturating_sub(ended);
             if self.warm_up == 0 {

@@ -153,13 +153,15 @@ impl<S: Stimulus> Frontend<S> {
 
     /// Voltage on the converter's sampling capacitor when it holds a channel at `cycle`: the ideal
     /// voltage, without the converter's errors. Readings are conversions: each leaves its voltage on
-    /// the capacitor for the next.
+    /// the capacitor for the next. 0 V at the fifth pin, unless the third tilt axis is measured.
     ///
     /// # Errors
     /// `cycle` lies before an earlier reading of this channel, or before an edge that the channel
     /// has already passed.
     pub fn voltage(&mut self, cycle: Cycles, name: Name) -> Result<Volts, Error> {
-        let now = self.channels[name as usize].now();
+        let measured = self.third.as_ref().filter(|_| self.third_is_measured);
+        let read = self.channels.get(name as usize).or(measured);
+        let now = read.map_or(self.reached, Channel::now);
         if cycle.0 < now {
             return Err(Error::OutOfOrder {
                 cycle: cycle.0,

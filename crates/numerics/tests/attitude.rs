@@ -240,7 +240,7 @@ impl Ideal {
     ) -> Vec<[f64; 3]> {
         let m = Mixed::new(&Formats::real(NODE_COUNT), Recorder::new(NODE_COUNT));
         let calibration = Calibration::new(&m, &NOMINAL, third_tilt);
-        let mut state = State::new(&m, Averaging::DEFAULT.with(third_tilt));
+        let mut state: State<_>;
         for attitude in &self.0 {
             let average = |real: f64| Value::<_, Average>::new(Number { real, raw: None });
             let (ideal, moved) = (Self::averages(*attitude), disturb());
@@ -254,11 +254,13 @@ impl Ideal {
                 clipped: false,
                 late: false,
             };
-            let mut admissible = flags::HALF_SPACE;
-            if third_tilt.is_fitted() {
-                state = State::new(&m, Averaging::DEFAULT.with(third_tilt));
-                admissible = 0;
-            }
+            // Attitudes jump: each is a device's first, which is taken for upright without a third axis.
+            state = State::new(&m, Averaging::DEFAULT.with(third_tilt));
+            let admissible = if third_tilt.is_fitted() {
+                0
+            } else {
+                flags::HALF_SPACE
+            };
             let sign = if down < 0.0 { -1 } else { 1 };
             solve(&m, &calibration, &mut state, &averages, sign);
             assert_eq!(m.take_status() & !admissible, 0, "{attitude:?}");

@@ -1,10 +1,11 @@
 //! The content of the device's EEPROM: read with reasons where it is no calibration.
 
-use cardan_firmware::calibration::Settings;
+use cardan_firmware::calibration::{NOMINAL, Settings};
 use cardan_firmware::frame::crc16;
 use cardan_scenario::{Scenario, Trajectory, report};
 use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::{AVERAGING_AT, LEN, MAGIC, OPTIONS_AT, PERIOD_AT, VERSION, WORDS};
+use cardan_spec::timing::Averaging;
 
 use super::calibration_words;
 use crate::image::{EepromImage, Firmware};
@@ -40,6 +41,18 @@ pub(super) fn settings_for(
             uncalibrated: false,
         }),
     }
+}
+
+/// The EEPROM of a nominal device at the reference site, with this third tilt axis.
+#[must_use]
+pub fn nominal_eeprom(third_tilt: ThirdTilt) -> Vec<u8> {
+    let settings = Settings {
+        words: NOMINAL,
+        averaging: Averaging::DEFAULT.with(third_tilt),
+        third_tilt,
+        uncalibrated: false,
+    };
+    settings.image().to_vec()
 }
 
 /// The settings of an image; bytes behind it (the rest of a whole EEPROM) do not matter.
@@ -102,8 +115,6 @@ pub(super) fn settings(image: &EepromImage) -> Result<Settings, String> {
 
 #[cfg(test)]
 mod tests {
-    use cardan_spec::timing::Averaging;
-
     use super::*;
 
     fn some() -> Settings {

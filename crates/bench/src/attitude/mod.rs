@@ -18,6 +18,7 @@ mod tolerances;
 mod tuning;
 
 pub use datapath::AttitudeDatapath;
+pub use eeprom::nominal_eeprom;
 
 use std::sync::Arc;
 

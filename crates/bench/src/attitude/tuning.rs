@@ -1,9 +1,10 @@
 //! The attitude as a problem for tuning: recorded runs, their golden references, what budgets name.
 
+use cardan_firmware::attitude::SIGN_FRAC;
 use cardan_firmware::nodes::{Accumulator, NODES, Pitch, Roll, Sample, Yaw};
 use cardan_golden::{Angles, rotation_angle, set_1_matrix};
-use cardan_spec::flags;
 use cardan_spec::nodes::SHARED;
+use cardan_spec::{ThirdTilt, flags};
 use cardan_tune::{Case, Combined, Problem, Quantity};
 use cardan_units::{AdcCode, HalfTurns};
 
@@ -85,9 +86,12 @@ fn case(run: &RecordedRun) -> Result<Case, String> {
     let mut case = recorded.map_err(|error| format!("{}: {error}", run.name))?;
     let (lowest, highest) = (AdcCode(0).bipolar(), AdcCode(1023).bipolar());
     case.ports = vec![(lowest.into(), highest.into()); case.ports.len()];
-    // The comparator's sign comes last. A device without one must not lose the node that others need.
-    if let Some(third) = case.ports.last_mut() {
-        *third = (-1, 1);
+    // The comparator's sign comes last, unless the axis is measured. A device without one must not lose the
+    // node that others need.
+    if let Some(third) = case.ports.last_mut()
+        && third_tilt != ThirdTilt::Measured
+    {
+        *third = (-(1 << SIGN_FRAC), 1 << SIGN_FRAC);
     }
     case.channels = averaging.channels();
     case.references = golden_angles(run)?;

@@ -13,7 +13,7 @@ use cardan_bench::app::by_name;
 use cardan_datapath::wordlengths::{self, DeclaredNode};
 use clap::Args;
 
-use self::measure::measure;
+use self::measure::measure_both;
 use self::report::{Document, ImageReport, TargetReport};
 use crate::failure::{Done, Failure, code};
 use crate::files::write_whole;
@@ -151,7 +151,7 @@ fn target(
     let mut images = Vec::new();
     for (name, built) in [("plain", &plain), ("tapped", &tapped)] {
         let measured = match board.runs_in {
-            Runs::Emulator => measure(&built.file.display().to_string(), &built.elf)?,
+            Runs::Emulator => measure_both(&built.file.display().to_string(), &built.elf)?,
             Runs::Qemu => simulate::measure(built, &runner, &mut remarks)?,
         };
         images.push(ImageReport::new(name, built, measured));

@@ -85,11 +85,11 @@ fn prepare_turns(timer: &avr_device::atmega328p::TC2) {
 }
 
 /// Clocks Timer2 by a prescaler that starts anew right after Timer1, so that each turn begins with an
-/// edge of the carrier.
+/// edge of the carrier. The reset comes first: a tick before it would count.
 #[inline(always)]
 fn start_turns(timer: &avr_device::atmega328p::TC2) {
-    timer.tccr2b().write(|w| w.cs2().prescale_128());
     timer.gtccr().write(|w| w.psrasy().set_bit());
+    timer.tccr2b().write(|w| w.cs2().prescale_128());
 }
 
 // Conversion complete.

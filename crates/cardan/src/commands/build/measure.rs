@@ -2,14 +2,16 @@
 //!
 //! Every solution sees other voltages, anywhere between the rails and on them, from a fixed
 //! sequence; the last solutions are sent as text, which needs the deepest stack. The calibration
-//! is the nominal one (the EEPROM is empty). So the figures are those of a varied run, not bounds.
+//! is the nominal one (the EEPROM is empty), and for a second run that of a device that measures its third
+//! tilt axis. So the figures are those of a varied run, not bounds.
 
+use cardan_bench::attitude::nominal_eeprom;
 use cardan_emulator::{
     ATMEGA328P, AnalogInput, Environment, Image, Machine, Memory, Pin, SerialByte, Stop,
 };
 use cardan_spec::frame::COMMAND_TEXT;
-use cardan_spec::timing::{BLOCK_CYCLES, CPU_HZ, WARM_UP_BLOCKS, pins};
-use cardan_spec::{CHANNELS, REFERENCE_V};
+use cardan_spec::timing::{Averaging, CPU_HZ, pins};
+use cardan_spec::{CHANNELS, REFERENCE_V, ThirdTilt};
 use serde::Serialize;
 
 use crate::failure::Failure;
@@ -46,6 +48,18 @@ pub(crate) struct Measured {
     pub(crate) solution_own_cycles: Option<Spread>,
     /// Share of the time in which the processor does not sleep.
     pub(crate) cpu_load: Option<f64>,
+    /// The same of a device that measures its third tilt axis; `null` if it was not asked for.
+    pub(crate) measured_third_axis: Option<Run>,
+}
+
+/// What a run shows.
+#[derive(Clone, Debug, Serialize)]
+pub(crate) struct Run {
+    pub(crate) stack_bytes: u32,
+    pub(crate) sample_interrupt_cycles: Option<Spread>,
+    pub(crate) solution_cycles: Option<Spread>,
+    pub(crate) solution_own_cycles: Option<Spread>,
+    pub(crate) cpu_load: f64,
 }
 
 /// Largest and mean of a number of spans.
@@ -74,31 +88,59 @@ impl Spread {
 /// Runs the image from the bytes of file `name`.
 pub(crate) fn measure(name: &str, elf: &[u8]) -> Result<Measured, Failure> {
     let image = Image::parse(name, elf, &ATMEGA328P).map_err(Failure::input)?;
-    let mut machine = Machine::new(&ATMEGA328P, CPU_HZ);
-    machine.load(&image);
-    let mut probe = Probe::new()?;
-    let binary = (WARM_UP_BLOCKS as u64 + SOLUTIONS) * BLOCK_CYCLES;
-    run(&mut machine, &mut probe, binary, name)?;
-    let asleep = machine.statistics().sleeping_cycles;
-    let load = 1.0 - asleep as f64 / machine.cycle() as f64;
-    let (sample, solution, own) = (probe.sample, probe.solution, probe.own);
-    probe.command = Some(COMMAND_TEXT);
-    run(
-        &mut machine,
-        &mut probe,
-        binary + TEXT_SOLUTIONS * BLOCK_CYCLES,
-        name,
-    )?;
+    let run = run_as(name, &image, ThirdTilt::Absent)?;
     Ok(Measured {
         flash_bytes: image.flash.len(),
         flash_size: ATMEGA328P.flash_bytes,
         ram_bytes: static_data(&image),
         ram_size: ATMEGA328P.sram_bytes.into(),
-        stack_bytes: Some((ATMEGA328P.ram_end() - machine.statistics().lowest_sp).into()),
+        stack_bytes: Some(run.stack_bytes),
+        sample_interrupt_cycles: run.sample_interrupt_cycles,
+        solution_cycles: run.solution_cycles,
+        solution_own_cycles: run.solution_own_cycles,
+        cpu_load: Some(run.cpu_load),
+        measured_third_axis: None,
+    })
+}
+
+/// The same with a run of a device that measures its third tilt axis.
+pub(crate) fn measure_both(name: &str, elf: &[u8]) -> Result<Measured, Failure> {
+    let image = Image::parse(name, elf, &ATMEGA328P).map_err(Failure::input)?;
+    Ok(Measured {
+        measured_third_axis: Some(run_as(name, &image, ThirdTilt::Measured)?),
+        ..measure(name, elf)?
+    })
+}
+
+/// Runs the image as a device with this third tilt axis.
+fn run_as(name: &str, image: &Image, third_tilt: ThirdTilt) -> Result<Run, Failure> {
+    let mut machine = Machine::new(&ATMEGA328P, CPU_HZ);
+    machine.load(image);
+    if third_tilt != ThirdTilt::Absent {
+        let settings = nominal_eeprom(third_tilt);
+        machine.eeprom_mut()[..settings.len()].copy_from_slice(&settings);
+    }
+    let averaging = Averaging::DEFAULT.with(third_tilt);
+    let mut probe = Probe::new(averaging)?;
+    let block = averaging.block_cycles();
+    let binary = averaging.warm_up_cycles() + SOLUTIONS * block;
+    run(&mut machine, &mut probe, binary, name)?;
+    let asleep = machine.statistics().sleeping_cycles;
+    let cpu_load = 1.0 - asleep as f64 / machine.cycle() as f64;
+    let (sample, solution, own) = (probe.sample, probe.solution, probe.own);
+    probe.command = Some(COMMAND_TEXT);
+    run(
+        &mut machine,
+        &mut probe,
+        binary + TEXT_SOLUTIONS * block,
+        name,
+    )?;
+    Ok(Run {
+        stack_bytes: (ATMEGA328P.ram_end() - machine.statistics().lowest_sp).into(),
         sample_interrupt_cycles: sample.if_any(),
         solution_cycles: solution.if_any(),
         solution_own_cycles: own.if_any(),
-        cpu_load: Some(load),
+        cpu_load,
     })
 }
 
@@ -165,6 +207,7 @@ struct Handler {
 /// The environment: voltages in, the solving pin out.
 struct Probe {
     solving: Pin,
+    block_cycles: u64,
     sample: Spread,
     solution: Spread,
     own: Spread,
@@ -176,9 +219,10 @@ struct Probe {
 }
 
 impl Probe {
-    fn new() -> Result<Self, Failure> {
+    fn new(averaging: Averaging) -> Result<Self, Failure> {
         Ok(Self {
             solving: pins::SOLVING.parse().map_err(Failure::input)?,
+            block_cycles: averaging.block_cycles(),
             sample: Spread::default(),
             solution: Spread::default(),
             own: Spread::default(),
@@ -214,7 +258,7 @@ impl Environment for Probe {
 
     fn analog(&mut self, cycle: u64, input: AnalogInput) -> f64 {
         match input {
-            AnalogInput::Pin(channel) => voltage(cycle / BLOCK_CYCLES, channel),
+            AnalogInput::Pin(channel) => voltage(cycle / self.block_cycles, channel),
             _ => 0.0,
         }
     }
@@ -232,7 +276,9 @@ impl Environment for Probe {
 /// A voltage that differs from solution to solution: a quarter of them at a rail, the others
 /// anywhere between.
 pub(super) fn voltage(solution: u64, channel: u8) -> f64 {
-    let number = scrambled(solution * CHANNELS as u64 + u64::from(channel));
+    // A fifth channel's numbers are its own.
+    let own = u64::from(usize::from(channel) >= CHANNELS) << 32;
+    let number = scrambled(own + solution * CHANNELS as u64 + u64::from(channel));
     let between = (number >> 11) as f64 / (1u64 << 53) as f64;
     match number & 7 {
         0 => 0.0,
@@ -247,4 +293,39 @@ fn scrambled(index: u64) -> u64 {
     z = (z ^ (z >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
     z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
     z ^ (z >> 31)
+}
+
+#[cfg(test)]
+mod tests {
+    use cardan_bench::App;
+    use cardan_bench::attitude::Attitude;
+
+    use super::*;
+
+    #[test]
+    fn a_device_that_measures_its_third_axis_converts_five_channels_in_the_same_solutions() {
+        for tapped in [false, true] {
+            let elf = Attitude.bundled(tapped).expect("bundled");
+            let measured = measure_both("bundled", elf).expect("runs");
+            let third = measured.measured_third_axis.clone().expect("asked for");
+            println!("{measured:?}");
+            let of = |spread: Option<Spread>| spread.expect("measured");
+            let four = of(measured.sample_interrupt_cycles);
+            let five = of(third.sample_interrupt_cycles);
+            // A conversion more or less at the ends, and text mode is not counted.
+            assert!((five.count * 4).abs_diff(four.count * 5) < 8 * 64);
+            assert!(
+                five.max.abs_diff(four.max) <= 4,
+                "{} and {}",
+                five.max,
+                four.max
+            );
+            let solutions = of(third.solution_own_cycles);
+            assert_eq!(solutions.count, of(measured.solution_own_cycles).count);
+            assert!(
+                solutions.max < 12_000,
+                "the averages are in time: {solutions:?}"
+            );
+        }
+    }
 }

@@ -78,6 +78,7 @@ impl fmt::Display for Document {
         for target in &self.targets {
             for image in &target.images {
                 row(f, target.target, image)?;
+                third_axis(f, target.target, image)?;
             }
             if let [plain, tapped] = &target.images[..] {
                 writeln!(f, "{}", cost(&plain.measured, &tapped.measured))?;
@@ -118,6 +119,23 @@ fn row(f: &mut fmt::Formatter<'_>, target: &str, image: &ImageReport) -> fmt::Re
         spread(m.solution_own_cycles),
         m.cpu_load
             .map_or("-".to_owned(), |load| format!("{:.1}%", load * 100.0)),
+    )
+}
+
+/// The run of a device that measures its third tilt axis.
+fn third_axis(f: &mut fmt::Formatter<'_>, target: &str, image: &ImageReport) -> fmt::Result {
+    let Some(run) = &image.measured.measured_third_axis else {
+        return Ok(());
+    };
+    writeln!(
+        f,
+        "{target:<13} {:<36} {:>8}   {:>18}   {:>20}   {:>20}   {:>5}",
+        format!("{}, third tilt axis measured", image.image),
+        run.stack_bytes,
+        spread(run.sample_interrupt_cycles),
+        spread(run.solution_cycles),
+        spread(run.solution_own_cycles),
+        format!("{:.1}%", run.cpu_load * 100.0),
     )
 }
 

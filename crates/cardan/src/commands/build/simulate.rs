@@ -60,6 +60,7 @@ pub(super) fn measure(
         solution_cycles: None,
         solution_own_cycles: None,
         cpu_load: None,
+        measured_third_axis: None,
     })
 }
 

@@ -1,0 +1,287 @@
+//! A device that measures its third tilt axis: five channels on their schedule, the same bits on the host,
+//! golden near, whatever is averaged.
+
+use cardan_bench::app::{Configuration, Feed};
+use cardan_bench::attitude::Attitude;
+use cardan_bench::image::Firmware;
+use cardan_bench::{App, Conversion, Engine, Sink, SinkError, Summary, Truth};
+use cardan_scenario::Scenario;
+use cardan_spec::timing::CONVERSION_CYCLES;
+use cardan_spec::{MOST_CHANNELS, ThirdTilt, frame};
+
+/// Everything an engine shows.
+#[derive(Default)]
+struct Recorder {
+    conversions: Vec<Conversion>,
+    words: Vec<Vec<i64>>,
+    reals: Vec<Vec<f64>>,
+    frames: Vec<Vec<u8>>,
+    truths: Vec<Truth>,
+}
+
+fn push<T>(streams: &mut Vec<Vec<T>>, node: usize, value: T) {
+    if streams.len() <= node {
+        streams.resize_with(node + 1, Vec::new);
+    }
+    streams[node].push(value);
+}
+
+impl Sink for Recorder {
+    fn conversion(&mut self, conversion: &Conversion) -> Result<(), SinkError> {
+        self.conversions.push(*conversion);
+        Ok(())
+    }
+    fn word(&mut self, node: usize, raw: i64, _: u64) -> Result<(), SinkError> {
+        push(&mut self.words, node, raw);
+        Ok(())
+    }
+    fn real(&mut self, node: usize, value: f64, _: u64) -> Result<(), SinkError> {
+        push(&mut self.reals, node, value);
+        Ok(())
+    }
+    fn frame(&mut self, _: u64, bytes: &[u8]) -> Result<(), SinkError> {
+        self.frames.push(bytes.to_vec());
+        Ok(())
+    }
+    fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
+        self.truths.push(*truth);
+        Ok(())
+    }
+}
+
+fn run(mut engine: Box<dyn Engine>, conversions: &[Conversion]) -> (Recorder, Summary) {
+    let mut recorder = Recorder::default();
+    let mut feed = conversions.iter().copied().map(Ok);
+    let summary = engine.run(&mut feed, &mut recorder).expect("runs");
+    (recorder, summary)
+}
+
+fn scenario(averaging: f64, period: f64) -> Scenario {
+    let mut scenario = Scenario::load("somersault").expect("is bundled");
+    scenario.set("sensors.third_tilt", 2.0).expect("a kind");
+    scenario
+        .set("controller.averaging", averaging)
+        .expect("a key");
+    scenario.set("controller.period", period).expect("a key");
+    scenario
+}
+
+fn emulate(scenario: &Scenario, seconds: f64, tapped: bool) -> (Configuration, Recorder, Summary) {
+    let image = Attitude.bundled(tapped).expect("bundled");
+    let firmware = Firmware::parse("bundled.elf", image).expect("parses");
+    let (configuration, engine) = Attitude
+        .emulated(scenario, 1, seconds, &firmware)
+        .expect("fits");
+    let (recorder, summary) = run(engine, &[]);
+    (configuration, recorder, summary)
+}
+
+fn node(name: &str) -> usize {
+    let found = Attitude.nodes().iter().position(|node| node.name == name);
+    found.expect("a node of that name")
+}
+
+fn shared(name: &str) -> usize {
+    let at = node(name);
+    let golden = Attitude.golden_nodes();
+    let found = golden.iter().position(|&index| index == at);
+    found.expect("golden knows it")
+}
+
+const AVERAGINGS: [(f64, f64); 6] = [
+    (16.0, 16.0),
+    (1.0, 16.0),
+    (4.0, 16.0),
+    (8.0, 32.0),
+    (64.0, 64.0),
+    (32.0, 128.0),
+];
+
+#[test]
+fn five_channels_keep_the_schedule_and_native_the_bits_for_every_averaging() {
+    for (averaging, period) in AVERAGINGS {
+        let (configuration, emulated, summary) = emulate(&scenario(averaging, period), 1.0, true);
+        let what = format!("{averaging} of {period}");
+        assert_eq!(configuration.third_tilt(), ThirdTilt::Measured);
+        assert_eq!(summary.crash, None, "{what}");
+        let counts = [
+            summary.late_conversions,
+            summary.lost_conversions,
+            summary.missed_deadlines,
+            summary.mistimed,
+        ];
+        assert_eq!(counts, [0; 4], "{what}: {:?}", summary.first_mistimed);
+        let conversions = &emulated.conversions;
+        let timing = configuration.averaging();
+        let expected = timing.warm_up_conversions() as u64
+            + configuration.solutions * timing.conversions() as u64;
+        assert_eq!(conversions.len() as u64, expected, "{what}");
+        for (index, pair) in conversions.windows(2).enumerate().skip(1) {
+            assert_eq!(
+                usize::from(pair[0].channel),
+                index % MOST_CHANNELS,
+                "{what}"
+            );
+            assert_eq!(pair[1].cycle - pair[0].cycle, CONVERSION_CYCLES, "{what}");
+        }
+        let (native, _) = run(
+            Attitude.native(&configuration, None).expect("runs"),
+            conversions,
+        );
+        assert_eq!(
+            native.frames.len() as u64,
+            configuration.solutions,
+            "{what}"
+        );
+        assert_eq!(native.frames, emulated.frames, "{what}");
+        assert_eq!(native.words, emulated.words, "{what}");
+        let formats: Vec<_> = Attitude.nodes().iter().map(|node| node.format).collect();
+        let tunable = Attitude.native(&configuration, Some(&formats));
+        let (tunable, _) = run(tunable.expect("runs"), conversions);
+        assert_eq!(tunable.words, native.words, "{what}");
+        assert_eq!(tunable.frames, native.frames, "{what}");
+        println!(
+            "{what}: latency at most {} cycles",
+            summary.isr_latency_max_cycles
+        );
+    }
+}
+
+#[test]
+fn golden_reads_the_third_axis_as_native_does_and_as_it_truly_is() {
+    let (configuration, emulated, _) = emulate(&scenario(16.0, 16.0), 2.0, true);
+    let conversions = &emulated.conversions;
+    let (native, _) = run(
+        Attitude.native(&configuration, None).expect("runs"),
+        conversions,
+    );
+    let format = Attitude.nodes()[node("tilt_z")].format;
+    let native: Vec<f64> = native.words[node("tilt_z")]
+        .iter()
+        .map(|&raw| format.real(raw))
+        .collect();
+    let golden = |feed| {
+        let (golden, _) = run(Attitude.golden(&configuration, feed), conversions);
+        golden.reals[shared("tilt_z")].clone()
+    };
+    let worst = |one: &[f64], other: &[f64]| {
+        assert!(one.len() == other.len() && one.len() as u64 == configuration.solutions);
+        let off = one.iter().zip(other).map(|(a, b)| (a - b).abs());
+        off.fold(0.0, f64::max)
+    };
+    let (codes, volts, direct) = (
+        golden(Feed::Codes),
+        golden(Feed::IdealVolts),
+        golden(Feed::Direct),
+    );
+    let [rounding, steps] = [worst(&native, &codes), worst(&codes, &volts)];
+    println!("native {rounding:e} g from golden, steps of the converter {steps:e} g");
+    assert!(rounding > 0.0 && rounding < 8e-5, "{rounding}");
+    // Half a step of 2.34 mg without noise; its own noise is in the codes, averaged over 16.
+    assert!(steps > 0.0 && steps < 2.4e-3, "{steps}");
+    // Noise of some mg, and of the motion 10 ms of averaging.
+    assert!(worst(&volts, &direct) < 0.02, "{}", worst(&volts, &direct));
+    // Both signs, as large as gravity, and the truth's.
+    let ends = |values: &[f64]| {
+        let least = values.iter().copied().fold(f64::INFINITY, f64::min);
+        (
+            least,
+            values.iter().copied().fold(f64::NEG_INFINITY, f64::max),
+        )
+    };
+    let (least, most) = ends(&direct);
+    assert!(
+        least < -0.5 && most > 0.5 && least >= -1.0 && most <= 1.0,
+        "{least} {most}"
+    );
+    for (told, truth) in direct.iter().zip(&emulated.truths) {
+        let [_, pitch, roll] = truth.yaw_pitch_roll_rad.expect("synthetic");
+        let down = libm::cos(pitch) * libm::cos(roll);
+        assert!((told - down).abs() < 3e-3, "{told} {down}");
+    }
+}
+
+#[test]
+fn the_schedule_is_kept_whatever_the_settings() {
+    // The start-up takes another time for every setting, which must not show in any phase.
+    for tapped in [false, true] {
+        for kind in ThirdTilt::ALL {
+            for (length, period) in [
+                (1.0, 16.0),
+                (2.0, 16.0),
+                (16.0, 16.0),
+                (1.0, 32.0),
+                (4.0, 32.0),
+                (8.0, 64.0),
+                (64.0, 64.0),
+            ] {
+                let mut scenario = scenario(length, period);
+                scenario.sensors.third_tilt = kind;
+                let (_, _, summary) = emulate(&scenario, 0.2, tapped);
+                let what = format!("{kind:?}, {length} of {period}, tapped {tapped}");
+                let counts = [
+                    summary.late_conversions,
+                    summary.lost_conversions,
+                    summary.mistimed,
+                ];
+                assert_eq!(counts, [0; 3], "{what}: {:?}", summary.first_mistimed);
+            }
+        }
+    }
+}
+
+#[test]
+fn frames_carry_the_fifth_average_also_without_taps() {
+    let (configuration, plain, summary) = emulate(&scenario(16.0, 16.0), 0.6, false);
+    assert_eq!(summary.mistimed, 0, "{:?}", summary.first_mistimed);
+    let native = Attitude.native(&configuration, None).expect("runs");
+    let (native, _) = run(native, &plain.conversions);
+    assert_eq!(plain.frames, native.frames);
+    let averages = native.words[node("average")].chunks(MOST_CHANNELS);
+    for (frame, averages) in plain.frames.iter().zip(averages) {
+        assert_eq!(frame.len(), frame::MOST_WIRE_LEN);
+        assert!(Attitude.decode_frame(frame).is_some());
+        let payload = cobs::decode_vec(&frame[..frame.len() - 1]).expect("whole");
+        let word = |at: usize| i64::from(i16::from_le_bytes([payload[at], payload[at + 1]]));
+        let sent = [2, 4, 6, 8, 18].map(word);
+        assert_eq!(sent[..], *averages);
+        for len in [frame.len() - 3, frame.len() - 2] {
+            let mut cut = frame[..len].to_vec();
+            cut.push(0);
+            assert_eq!(Attitude.decode_frame(&cut), None, "a byte is missing");
+        }
+    }
+    assert_eq!(plain.frames.len() as u64, configuration.solutions);
+}
+
+#[test]
+fn an_eeprom_of_another_device_is_refused() {
+    use cardan_bench::attitude::nominal_eeprom;
+    use cardan_bench::image::EepromImage;
+    let mut firmware =
+        Firmware::parse("bundled.elf", Attitude.bundled(true).expect("bundled")).expect("parses");
+    for (fitted, stored, refused) in [
+        ("absent", ThirdTilt::Measured, true),
+        ("comparator", ThirdTilt::Measured, true),
+        ("measured", ThirdTilt::Comparator, true),
+        ("measured", ThirdTilt::Measured, false),
+        ("measured", ThirdTilt::Absent, false),
+    ] {
+        let mut scenario = scenario(16.0, 16.0);
+        scenario.sensors.third_tilt = cardan_scenario::third_tilt::named(fitted).expect("a kind");
+        firmware.eeprom = Some(EepromImage {
+            name: "unit.bin".to_owned(),
+            bytes: nominal_eeprom(stored),
+        });
+        let made = Attitude.emulated(&scenario, 1, 0.5, &firmware);
+        let message = made.err();
+        assert_eq!(
+            message.is_some(),
+            refused,
+            "{fitted} {stored:?}: {message:?}"
+        );
+        let names =
+            |text: &String| text.contains("unit.bin") && text.contains("sensors.third_tilt");
+        assert!(message.iter().all(names), "{message:?}");
+    }
+}
