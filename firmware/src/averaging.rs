@@ -134,7 +134,7 @@ impl<M: Arithmetic> Averager<M> {
     #[inline(always)]
     pub fn advance(&mut self, turn: Turn) -> Turn {
         let mut next = turn.0 + 1;
-        if (next ^ self.channels) % ROUND == 0 {
+        if (next ^ self.channels).is_multiple_of(ROUND) {
             next = (next | (ROUND - 1)).wrapping_add(1);
             // In the last round of both blocks. (Looking at `next` costs a register more.)
             if turn.0 >= 0_u8.wrapping_sub(ROUND) {

@@ -78,6 +78,20 @@ fn build_says_what_each_image_needs_of_the_controller() {
             assert!(max <= most(what), "{what}: {span}");
             assert!(number(&span["count"]) >= 100, "{what}: {span}");
         }
+        let third = &image["measured_third_axis"];
+        for what in ["sample_interrupt_cycles", "solution_own_cycles"] {
+            let span = &third[what];
+            assert!(
+                number(&span["max"]) <= most(what),
+                "third axis, {what}: {span}"
+            );
+            assert!(number(&span["count"]) >= 100, "third axis, {what}: {span}");
+        }
+        let both = ram + number(&third["stack_bytes"]);
+        assert!(
+            both <= most("ram_and_stack_bytes"),
+            "third axis: {both} bytes of SRAM"
+        );
         let own = number(&image["solution_own_cycles"]["max"]);
         assert!(own < number(&image["solution_cycles"]["max"]));
     }

@@ -158,7 +158,7 @@ fn a_changed_coefficient_fails_and_the_first_nodes_it_reaches_are_named() {
 fn a_third_axis_that_is_never_read_counts_as_lost_conversions() {
     let folder = copy(|name, content| match name {
         "device.c" => {
-            let changed = content.replace("ACSR & _BV(ACO) ? 1 : -1", "-1");
+            let changed = content.replace("ACSR & _BV(ACO) ? -1 : 1", "1");
             assert_ne!(changed, content);
             changed
         }

@@ -78,6 +78,45 @@ fn with_a_third_tilt_axis_every_attitude_is_told_and_without_it_hardly_any() {
 }
 
 #[test]
+fn a_measured_third_axis_has_the_bits_in_every_node_and_no_late_or_lost_conversion() {
+    let over = ["compare", "--json", "--quiet", "--scenario", "somersault"];
+    let measured = ["--seconds", "6", "--set", "sensors.third_tilt=measured"];
+    let document = document(&[&over[..], &measured].concat());
+    assert_eq!(document["verdict"], "pass");
+    // 10 ms each, after 0.12 s of settling.
+    assert_eq!(document["solutions"], 588);
+    for node in document["nodes"].as_array().expect("an array") {
+        let bits = &node["native_vs_emulated"];
+        assert_eq!(bits["mismatches"], 0, "{}", node["name"]);
+        assert!(
+            bits["compared"].as_u64().expect("a count") >= 588,
+            "{}",
+            node["name"]
+        );
+        if node["name"] == "tilt_z" {
+            let off = node["golden_vs_native"]["max_abs"]
+                .as_f64()
+                .expect("a number");
+            assert!(off > 0.0 && off < 8e-5, "{off} g");
+        }
+    }
+    for what in ["late_conversions", "lost_conversions"] {
+        assert_eq!(document["emulator"][what], 0, "{what}");
+    }
+    assert_eq!(document["error_budget"]["compiled"], 0.0);
+    assert_eq!(document["frames"]["mismatches"], 0);
+}
+
+#[test]
+fn a_third_axis_of_no_kind_is_refused_with_the_kinds() {
+    let output = run(&["compare", "--set", "sensors.third_tilt=maybe"]);
+    assert_eq!(output.status.code(), Some(2));
+    let said = stderr(&output);
+    let expected = "expected measured (2), comparator or true (1), absent or false (0)";
+    assert!(said.contains(expected), "{said}");
+}
+
+#[test]
 fn the_same_seed_gives_the_same_document_and_another_seed_another() {
     let run = |seed: &str| {
         without_host_times(document(
