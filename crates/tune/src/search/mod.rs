@@ -11,6 +11,7 @@ mod shake;
 use serde::Serialize;
 
 pub(crate) use context::{Context, Limits};
+pub(crate) use exchange::SMALL;
 pub(crate) use journal::Journal;
 pub use journal::JournalError;
 
@@ -66,7 +67,28 @@ pub(crate) fn search(
     Ok(())
 }
 
-/// Searches near `start`, a good choice for limits that are 2^bits times wider.
-pub(crate) fn search_near(context: &mut Context<'_, '_>, start: &Levels, bits: i32, seed: u64) {
-    model::shifted(context, start, bits, seed);
+/// How far a search goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// From nothing.
+    Whole,
+    /// From a good choice for somewhat tighter limits: down, exchanges, shakes.
+    Thorough,
+    /// From such a choice down.
+    Near,
+}
+
+/// Goes on from `start`, a good choice for somewhat tighter limits.
+pub(crate) fn search_on(
+    method: Method,
+    context: &mut Context<'_, '_>,
+    start: Option<&Levels>,
+    kind: Kind,
+    seed: u64,
+) {
+    match (method, start) {
+        (Method::MinPlusOne, _) => greedy::up(context),
+        (Method::Sensitivity, Some(start)) => model::go_on(context, start, kind, seed),
+        (_, start) => greedy::down(context, start),
+    }
 }
