@@ -74,9 +74,8 @@ fn shows(problem: &Problem, case: &Case, formats: &[Format], node: usize) -> boo
         };
         let (a, b) = (series(&with), series(&without));
         let largest = a.iter().fold(0.0, |most: f64, value| most.max(value.abs()));
-        let is_same = |(a, b): (&f64, &f64)| {
-            difference(*a, *b, quantity.period).abs() <= SAME * largest
-        };
+        let is_same =
+            |(a, b): (&f64, &f64)| difference(*a, *b, quantity.period).abs() <= SAME * largest;
         !a.iter().zip(&b).all(is_same)
     })
 }

@@ -172,7 +172,11 @@ impl<'a> Evaluator<'a> {
         let start_up = case_start_up(prepared);
         let mut judge = |trial: &Trial<'_>, block: Range<usize>| {
             let mut missed = false;
-            let block = if block.start == start_up { 0..block.end } else { block };
+            let block = if block.start == start_up {
+                0..block.end
+            } else {
+                block
+            };
             for (index, constraint) in budget.0.iter().enumerate() {
                 if let Measure::Error(against, subject, statistic) = constraint.measure {
                     let errors = &mut buffers[index];
@@ -297,7 +301,11 @@ fn collect(
             Subject::Combined(_) => references.iter().all(|reference| reference.is_finite()),
         };
         if is_known {
-            errors.push(if error.is_finite() { error } else { f64::INFINITY });
+            errors.push(if error.is_finite() {
+                error
+            } else {
+                f64::INFINITY
+            });
         }
     }
 }
@@ -332,7 +340,10 @@ pub(crate) fn own_value(
         }
     };
     let judged = (0..case.inputs.steps).filter(|&step| prepared.judged[step]);
-    let mut errors: Vec<f64> = judged.map(error).filter(|error| error.is_finite()).collect();
+    let mut errors: Vec<f64> = judged
+        .map(error)
+        .filter(|error| error.is_finite())
+        .collect();
     let square = errors.iter().map(|error| error * error).sum();
     let count = errors.len();
     figure(statistic, square, count, &mut errors, true)
@@ -355,7 +366,11 @@ pub(crate) fn difference(value: f64, reference: f64, period: Option<f64>) -> f64
 /// The largest size; what is no number counts as infinite.
 fn largest(errors: impl Iterator<Item = f64>) -> f64 {
     errors.fold(0.0, |worst: f64, error| {
-        if error.is_nan() { f64::INFINITY } else { worst.max(error.abs()) }
+        if error.is_nan() {
+            f64::INFINITY
+        } else {
+            worst.max(error.abs())
+        }
     })
 }
 
@@ -386,9 +401,8 @@ fn distances<'a>(
     let judged = (0..prepared.case.inputs.steps).filter(|&step| prepared.judged[step]);
     judged.flat_map(move |step| {
         let body = prepared.case.tape.body(step).iter().enumerate();
-        let writes = body.filter(move |(_, entry)| {
-            entry.node as usize == node && entry.op.is_recorded()
-        });
+        let writes =
+            body.filter(move |(_, entry)| entry.node as usize == node && entry.op.is_recorded());
         writes.map(move |(index, _)| {
             let raw = match trial.transient().get(step) {
                 None => trial.column(index).get(step),

@@ -54,7 +54,10 @@ pub fn wordlengths(outcome: &Outcome, nodes: &[NodeInfo], command: &str) -> Stri
 #[must_use]
 pub fn tuned_to(outcome: &Outcome, command: &str) -> Tuned {
     let named = |held_out: bool| {
-        let own = outcome.verification.iter().filter(|case| case.held_out == held_out);
+        let own = outcome
+            .verification
+            .iter()
+            .filter(|case| case.held_out == held_out);
         own.map(|case| case.case.clone()).collect()
     };
     let reached = &outcome.best.reached;
@@ -62,7 +65,10 @@ pub fn tuned_to(outcome: &Outcome, command: &str) -> Tuned {
     Tuned {
         command: command.to_owned(),
         budget: reached.iter().map(|one| one.constraint.clone()).collect(),
-        reached: reached.iter().map(|one| one.value.unwrap_or(f64::NAN)).collect(),
+        reached: reached
+            .iter()
+            .map(|one| one.value.unwrap_or(f64::NAN))
+            .collect(),
         tuned_on: named(false),
         verified_on: named(true),
         verified: outcome.verified,

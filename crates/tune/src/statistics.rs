@@ -66,7 +66,10 @@ mod tests {
             (20, 0.99, 2.808),
         ] {
             let found = tolerance_factor(n, confidence);
-            assert!((found - expected).abs() < 2e-3, "{n}, {confidence}: {found}");
+            assert!(
+                (found - expected).abs() < 2e-3,
+                "{n}, {confidence}: {found}"
+            );
         }
     }
 

@@ -13,6 +13,7 @@ mod build;
 mod interval;
 mod real;
 mod run;
+mod settings;
 mod trace;
 mod words;
 
@@ -23,6 +24,7 @@ pub use build::TraceError;
 pub use interval::bounds;
 pub use real::Real;
 pub use run::{Domain, Runner};
+pub use settings::beyond;
 pub use words::{Words, WriteCounts};
 pub(crate) use words::{compute, decide};
 

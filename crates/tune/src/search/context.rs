@@ -96,7 +96,9 @@ impl<'a, 'p> Context<'a, 'p> {
     /// Every choice that meets the limits, with the values of its constraints.
     pub(crate) fn feasible(&self) -> Vec<(Levels, Vec<f64>)> {
         let feasible = self.known.iter().filter(|(_, score)| score.is_feasible());
-        feasible.map(|(levels, score)| (levels.clone(), score.values.clone())).collect()
+        feasible
+            .map(|(levels, score)| (levels.clone(), score.values.clone()))
+            .collect()
     }
 
     /// The journal, for the next search.

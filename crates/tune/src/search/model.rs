@@ -145,7 +145,10 @@ impl<'a> Model<'a> {
 
 /// From `start`, a good choice for somewhat tighter limits, down; then out of local optima.
 pub(super) fn go_on(context: &mut Context<'_, '_>, start: &Levels, kind: Kind, seed: u64) {
-    if !context.score(start).is_some_and(|score| score.is_feasible()) {
+    if !context
+        .score(start)
+        .is_some_and(|score| score.is_feasible())
+    {
         return;
     }
     let mut model = Model::new(context, seed);

@@ -119,7 +119,13 @@ impl Run<'_> {
     }
 
     fn next_rung(&self, rung: i32) -> i32 {
-        let size = match self.budget.0.iter().find(|c| is_scalable(c)).map(|c| c.measure) {
+        let size = match self
+            .budget
+            .0
+            .iter()
+            .find(|c| is_scalable(c))
+            .map(|c| c.measure)
+        {
             Some(Measure::Error(_, subject, _)) => size(self.problem, self.prepared, subject),
             _ => 1.0,
         };
@@ -142,7 +148,13 @@ impl Run<'_> {
     ) -> Result<(), TuneError> {
         let budget = scaled(self.budget, factor);
         let threads = self.options.threads;
-        let pool = Pool::new(self.problem, &budget, self.prepared, self.by_design, threads);
+        let pool = Pool::new(
+            self.problem,
+            &budget,
+            self.prepared,
+            self.by_design,
+            threads,
+        );
         let mut report = |evaluations: u64, best: Option<f64>| {
             progress(Progress {
                 stage,
@@ -191,7 +203,10 @@ impl Run<'_> {
         }
         for (levels, values) in context.feasible() {
             let cost = || self.cost(&self.space.formats(&levels));
-            ladder.found.entry(levels.clone()).or_insert_with(|| (cost(), values));
+            ladder
+                .found
+                .entry(levels.clone())
+                .or_insert_with(|| (cost(), values));
         }
         ladder.journal = context.into_journal();
         Ok(())
@@ -204,7 +219,10 @@ impl Run<'_> {
             let mut pairs = budget.0.iter().zip(values);
             pairs.all(|(c, &value)| value == f64::NEG_INFINITY || c.ratio(value) <= 1.0)
         };
-        let all = ladder.found.iter().filter(|(_, (_, values))| is_within(values));
+        let all = ladder
+            .found
+            .iter()
+            .filter(|(_, (_, values))| is_within(values));
         let cheapest = all.min_by(|a, b| a.1.0.total_cmp(&b.1.0).then_with(|| a.0.cmp(b.0)));
         cheapest.map(|(levels, (cost, _))| (levels.clone(), *cost))
     }

@@ -204,10 +204,15 @@ impl Run<'_> {
         self.warnings
             .extend(journal_problem.map(|what| format!("the journal is not kept: {what}")));
         let mut best = self.candidate("best", &found.formats);
-        let uniform = self.uniform_at(found.margin).or_else(|| self.uniform_at(1.0));
+        let uniform = self
+            .uniform_at(found.margin)
+            .or_else(|| self.uniform_at(1.0));
         let mut best_uniform = uniform.map(|uniform| {
             let name = format!("uniform {} bit", uniform.word);
-            (self.candidate(&name, &uniform.formats), uniform.formats.clone())
+            (
+                self.candidate(&name, &uniform.formats),
+                uniform.formats.clone(),
+            )
         });
         let by_cycles = matches!(self.options.cost, Cost::Cycles(_));
         if by_cycles || self.budget.needs_target() {
@@ -275,7 +280,11 @@ impl Run<'_> {
         ladder: &mut Ladder,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Found, TuneError> {
-        let mut margin = if self.fresh.is_some() { FIRST_MARGIN } else { 1.0 };
+        let mut margin = if self.fresh.is_some() {
+            FIRST_MARGIN
+        } else {
+            1.0
+        };
         let mut found: Option<Found> = None;
         for round in 0..ROUNDS {
             let (formats, feasible) = self.search(ladder, margin, progress)?;
@@ -337,7 +346,9 @@ impl Run<'_> {
     ) -> Result<(Vec<Format>, bool), TuneError> {
         let found = self.climb(ladder, margin, "search", progress)?;
         let searched = found.map(|(levels, _)| self.space.formats(&levels));
-        let uniform = self.uniform_at(margin).map(|uniform| uniform.formats.clone());
+        let uniform = self
+            .uniform_at(margin)
+            .map(|uniform| uniform.formats.clone());
         // A length shorter than a range: the groups' own choices do not hold it.
         let all = [searched, uniform].into_iter().flatten();
         let cheapest = all.min_by(|a, b| self.cost(a).total_cmp(&self.cost(b)));
@@ -365,7 +376,13 @@ impl Run<'_> {
             );
         }
         let beyond = self.beyond(&found.formats);
-        for (value, (name, format)) in beyond.iter().zip(self.problem.nodes.iter().zip(&found.formats).map(|(n, f)| (n.name, f))) {
+        for (value, (name, format)) in beyond.iter().zip(
+            self.problem
+                .nodes
+                .iter()
+                .zip(&found.formats)
+                .map(|(n, f)| (n.name, f)),
+        ) {
             if let Some(value) = value {
                 self.warnings.push(format!(
                     "node '{name}': the constant {value} is beyond its {} bits and saturates",

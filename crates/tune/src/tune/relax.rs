@@ -86,7 +86,9 @@ impl Run<'_> {
             beyond[*node].is_none() && derived.iter().all(holds)
         };
         let nodes = (0..formats.len()).filter(is_proven);
-        nodes.map(|node| self.problem.nodes[node].name.to_owned()).collect()
+        nodes
+            .map(|node| self.problem.nodes[node].name.to_owned())
+            .collect()
     }
 }
 

@@ -47,7 +47,10 @@ pub(super) fn size(problem: &Problem, prepared: &[Prepared<'_>], subject: Subjec
         let quantity = &problem.quantities[at];
         let of = |one: &Prepared<'_>| {
             let series = one.case.references.get(at).map_or(&[][..], Vec::as_slice);
-            let judged = series.iter().zip(one.judged()).filter(|(_, judged)| **judged);
+            let judged = series
+                .iter()
+                .zip(one.judged())
+                .filter(|(_, judged)| **judged);
             let square: f64 = judged.map(|(value, _)| value * value).sum();
             (square / one.count().max(1) as f64).sqrt() * quantity.scale
         };

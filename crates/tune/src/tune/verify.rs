@@ -37,8 +37,12 @@ impl Run<'_> {
         let fresh: Vec<Prepared<'_>> = fresh.iter().map(prepare).collect();
         let tuned = self.prepared.iter().map(|one| (one, Kind::Tuned));
         let held_out = held_out.iter().map(|one| (one, Kind::HeldOut));
-        let all = tuned.chain(held_out).chain(fresh.iter().map(|one| (one, Kind::Fresh)));
-        let results: Vec<CaseResult> = all.map(|(one, kind)| self.result(formats, one, kind)).collect();
+        let all = tuned
+            .chain(held_out)
+            .chain(fresh.iter().map(|one| (one, Kind::Fresh)));
+        let results: Vec<CaseResult> = all
+            .map(|(one, kind)| self.result(formats, one, kind))
+            .collect();
         let largest = |kind: Kind| {
             let own = results.iter().filter(|result| result.kind == kind);
             own.map(|result| result.score.ratio).fold(0.0, f64::max)
@@ -46,9 +50,18 @@ impl Run<'_> {
         let tuned = largest(Kind::Tuned);
         let statistics = self.statistics(&results);
         let by_statistics = statistics.as_ref().map_or(0.0, |found| {
-            found.stretches.iter().map(|stretch| stretch.bound).fold(0.0, f64::max)
+            found
+                .stretches
+                .iter()
+                .map(|stretch| stretch.bound)
+                .fold(0.0, f64::max)
         });
-        let stretch = [by_statistics, tuned, largest(Kind::HeldOut), largest(Kind::Fresh)];
+        let stretch = [
+            by_statistics,
+            tuned,
+            largest(Kind::HeldOut),
+            largest(Kind::Fresh),
+        ];
         let stretch = stretch.into_iter().fold(0.0, f64::max);
         let tolerances = self.tolerances(&results);
         let verification = results.into_iter().map(|result| Verification {
@@ -95,10 +108,15 @@ impl Run<'_> {
         let factor = tolerance_factor(fresh.len(), 1.0 - (1.0 - CONFIDENCE) / ROUNDS as f64);
         let measured = self.budget.0.iter().enumerate().filter(|(_, constraint)| {
             // What is the same in every run, or is no number but a yes or no.
-            !matches!(constraint.measure, Measure::Cycles | Measure::Flash | Measure::Overflow(_))
+            !matches!(
+                constraint.measure,
+                Measure::Cycles | Measure::Flash | Measure::Overflow(_)
+            )
         });
         let stretch = |(at, constraint): (usize, &crate::Constraint)| {
-            let ratios = fresh.iter().map(|result| constraint.ratio(result.score.values[at]));
+            let ratios = fresh
+                .iter()
+                .map(|result| constraint.ratio(result.score.values[at]));
             let (mean, deviation) = moments(&ratios.collect::<Vec<_>>());
             let bound = mean + factor * deviation;
             Stretch {
@@ -110,7 +128,10 @@ impl Run<'_> {
         };
         Some(Statistics {
             runs: fresh.len(),
-            holding: fresh.iter().filter(|result| result.score.is_feasible()).count(),
+            holding: fresh
+                .iter()
+                .filter(|result| result.score.is_feasible())
+                .count(),
             rounds: 1,
             confidence: CONFIDENCE,
             content: CONTENT,
@@ -122,11 +143,18 @@ impl Run<'_> {
     fn tolerances(&self, results: &[CaseResult]) -> Vec<TunedTolerance> {
         let nodes = self.problem.nodes.iter().enumerate();
         let tolerance = |(at, node): (usize, &cardan_datapath::NodeInfo)| {
-            let own = results.iter().filter_map(|result| result.deviations.nodes[at]);
+            let own = results
+                .iter()
+                .filter_map(|result| result.deviations.nodes[at]);
             let largest = own.reduce(|a, b| std::array::from_fn(|k| a[k].max(b[k])))?;
             let [max, rms, bias] = largest.map(|value| TOLERANCE * value);
             let node = node.name.to_owned();
-            (max.is_finite()).then_some(TunedTolerance { node, max, rms, bias })
+            (max.is_finite()).then_some(TunedTolerance {
+                node,
+                max,
+                rms,
+                bias,
+            })
         };
         nodes.filter_map(tolerance).collect()
     }
