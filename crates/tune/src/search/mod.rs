@@ -52,12 +52,13 @@ pub(crate) fn search(
     method: Method,
     context: &mut Context<'_, '_>,
     start: Option<&Levels>,
+    kind: Kind,
     seed: u64,
 ) -> Result<(), SpaceError> {
     match method {
         Method::Sensitivity => {
             let mut model = Model::new(context, seed);
-            model::run(context, &mut model, start, seed);
+            model::run(context, &mut model, start, kind, seed);
         }
         Method::MaxMinusOne => greedy::down(context, start),
         Method::MinPlusOne => greedy::up(context),
@@ -70,8 +71,10 @@ pub(crate) fn search(
 /// How far a search goes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Kind {
-    /// From nothing.
+    /// From nothing to the end.
     Whole,
+    /// From nothing, as the first of several.
+    First,
     /// From a good choice for somewhat tighter limits: down, exchanges, shakes.
     Thorough,
     /// From such a choice down.

@@ -154,7 +154,9 @@ pub(super) fn go_on(context: &mut Context<'_, '_>, start: &Levels, kind: Kind, s
     let mut model = Model::new(context, seed);
     let mut levels = start.clone();
     model.calibrate(context, &levels);
-    descend(context, &mut levels);
+    if kind == Kind::Thorough {
+        descend(context, &mut levels);
+    }
     settle(context, &mut model, &mut levels);
     if kind == Kind::Thorough {
         exchange::run(context, &mut model, &mut levels);
@@ -172,6 +174,7 @@ pub(super) fn run(
     context: &mut Context<'_, '_>,
     model: &mut Model<'_>,
     start: Option<&Levels>,
+    kind: Kind,
     seed: u64,
 ) {
     let Some(mut levels) = begin(context, model, start) else {
@@ -187,8 +190,10 @@ pub(super) fn run(
     }
     descend(context, &mut levels);
     settle(context, model, &mut levels);
-    exchange::run(context, model, &mut levels);
-    shake::run(context, model, &mut levels, seed);
+    if kind == Kind::Whole {
+        exchange::run(context, model, &mut levels);
+        shake::run(context, model, &mut levels, seed);
+    }
 }
 
 /// Steepest descent by simulation: every single step down is tried, and those that stretch the limits

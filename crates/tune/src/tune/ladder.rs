@@ -1,7 +1,7 @@
 //! Searches for one limit after the other, from tight to loose: a looser limit starts from what the
 //! tighter ones found, and takes the cheapest of all that was evaluated on the way.
 //!
-//! The limits are rungs that do not depend on the budget: powers of 2^(1/8), from where the longest
+//! The limits are rungs that do not depend on the budget: powers of 2^(1/4), from where the longest
 //! words are good enough. So a search for a looser limit evaluates all that a search for a tighter one
 //! does, and more slack never costs anything.
 
@@ -18,7 +18,7 @@ use crate::search::{Context, Journal, Kind, Limits, Method, SMALL, search, searc
 use crate::space::Levels;
 
 /// Rungs per octave.
-const STEPS: i32 = 8;
+const STEPS: i32 = 4;
 /// Octaves under the size of the output with all rungs; under these, one rung per octave.
 const FINE_OCTAVES: i32 = 18;
 /// Rungs that are multiples of it are searched more thoroughly.
@@ -73,7 +73,7 @@ impl Run<'_> {
             let own = libm::exp2(f64::from(rung) / f64::from(STEPS)) / limit;
             let best = self.cheapest(ladder, own).map(|(levels, _)| levels);
             let kind = match &best {
-                None => Kind::Whole,
+                None => Kind::First,
                 Some(_) if rung % THOROUGH == 0 => Kind::Thorough,
                 Some(_) => Kind::Near,
             };
@@ -166,8 +166,16 @@ impl Run<'_> {
             let whole = Duration::try_from_secs_f64(seconds).ok()?;
             Some(whole.saturating_sub(self.begin.elapsed()))
         };
+        // The same on every ladder: a rung must not depend on those after it.
+        let own = match kind {
+            Kind::Whole => u64::MAX,
+            Kind::First => 2000,
+            Kind::Thorough => 800,
+            Kind::Near => 250,
+        };
+        let most = self.options.evaluations.unwrap_or(u64::MAX);
         let limits = Limits {
-            evaluations: self.options.evaluations,
+            evaluations: Some(most.min(ladder.evaluations.saturating_add(own))),
             time: self.options.seconds.and_then(left),
             patience: self.options.patience,
         };
@@ -193,11 +201,15 @@ impl Run<'_> {
         }
         let seed = self.options.seed;
         match kind {
-            Kind::Whole => search(self.options.method, &mut context, start, seed)?,
+            Kind::Whole | Kind::First => {
+                search(self.options.method, &mut context, start, kind, seed)?;
+            }
             kind => search_on(self.options.method, &mut context, start, kind, seed),
         }
         ladder.evaluations = context.evaluations;
-        ladder.is_over = context.is_over();
+        let seconds = self.options.seconds;
+        ladder.is_over = ladder.evaluations >= most
+            || seconds.is_some_and(|most| self.begin.elapsed().as_secs_f64() >= most);
         if context.best.is_none() {
             ladder.closest = context.closest.take();
         }
