@@ -3,7 +3,8 @@
 use cardan_datapath::Format;
 use cardan_datapath::wordlengths::TunedTolerance;
 
-use super::{ROUNDS, Run, reached};
+use super::rounds::ROUNDS;
+use super::{Run, reached};
 use crate::budget::Measure;
 use crate::deviation::{Deviations, deviations};
 use crate::evaluate::{Evaluator, Prepared, Score};
