@@ -8,7 +8,7 @@ use serde_json::Value;
 use tempfile::tempdir;
 
 /// A search that ends soon.
-const SHORT: [&str; 8] = [
+const SHORT: [&str; 10] = [
     "tune",
     "--quiet",
     "--seconds",
@@ -17,6 +17,8 @@ const SHORT: [&str; 8] = [
     "1",
     "--evaluations",
     "150",
+    "--fresh",
+    "0",
 ];
 
 fn tune(more: &[&str]) -> Output {
@@ -25,6 +27,13 @@ fn tune(more: &[&str]) -> Output {
 
 fn document(output: &Output) -> Value {
     serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", stderr(output)))
+}
+
+/// What is not verified is no pass.
+fn assert_exit(output: &Output) {
+    let verified = document(output)["verified"].as_bool().expect("is told");
+    let code = if verified { 0 } else { 1 };
+    assert_eq!(output.status.code(), Some(code), "{}", stderr(output));
 }
 
 fn bits(candidate: &Value) -> u64 {
@@ -36,10 +45,25 @@ fn a_tuned_file_meets_its_budget_in_fewer_bits_and_a_million_samples_compare_bit
     let folder = tempdir().expect("a folder");
     let file = folder.path().join("tuned.toml");
     let path = file.to_string_lossy();
-    let found = tune(&["--json", "--budget", "attitude.rms<=0.05", "--out", &path]);
-    assert_eq!(found.status.code(), Some(0), "{}", stderr(&found));
-    let found = document(&found);
-    assert_eq!(found["feasible"], true);
+    let output = tune(&["--json", "--budget", "attitude.rms<=0.05", "--out", &path]);
+    let found = document(&output);
+    assert_eq!(found["feasible"], true, "{}", stderr(&output));
+    assert_exit(&output);
+    let text = fs::read_to_string(&file).expect("is written");
+    let tuned: toml::Table = text.parse().expect("is TOML");
+    let to = &tuned["tuned"];
+    assert_eq!(to["budget"][0].as_str(), Some("attitude.rms<=0.05"));
+    assert_eq!(to["verified"].as_bool(), found["verified"].as_bool());
+    assert_eq!(
+        to["reached"][0].as_float(),
+        found["best"]["reached"][0]["value"].as_f64()
+    );
+    assert!(
+        to["tolerance"]
+            .as_array()
+            .is_some_and(|nodes| nodes.len() > 40)
+    );
+    assert!(bits(&found["deployed"]) > bits(&found["best"]));
     let error = found["best"]["error"].as_f64().expect("a number");
     assert!(error > 0.0 && error <= 0.05, "{error}");
     assert!(bits(&found["best"]) <= bits(&found["best_uniform"]));
@@ -96,6 +120,8 @@ fn a_budget_that_cannot_be_met_names_what_stands_in_the_way() {
     let found = document(&output);
     assert_eq!(found["feasible"], false);
     assert_eq!(found["binding"], "attitude.rms<=1e-9");
+    let reason = found["reason"].as_str().expect("is told");
+    assert!(reason.contains("the algorithm itself"), "{reason}");
     assert!(bits(&found["best"]) > 0, "the closest point");
 }
 
@@ -125,7 +151,7 @@ fn a_journal_that_was_cut_is_continued_and_a_foreign_one_refused() {
     let path = journal.to_string_lossy();
     let search = |budget: &str| tune(&["--json", "--budget", budget, "--journal", &path]);
     let first = search("attitude.rms<=0.05");
-    assert_eq!(first.status.code(), Some(0), "{}", stderr(&first));
+    assert_exit(&first);
     let whole = fs::read(&journal).expect("kept");
     fs::write(&journal, &whole[..whole.len() * 2 / 3]).expect("ours");
     let again = document(&search("attitude.rms<=0.05"));

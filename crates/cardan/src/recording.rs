@@ -1,11 +1,12 @@
 //! Runs of the emulated device, kept in memory for ranges and tuning.
 
+use std::ops::Range;
 use std::thread;
 
 use cardan_bench::app::RecordedRun;
 use cardan_bench::{Conversion, EngineError, Sink, SinkError, Truth};
 use cardan_scenario::Scenario;
-use cardan_tune::Problem;
+use cardan_tune::{Case, Problem};
 
 use crate::failure::Failure;
 use crate::run_options::Setup;
@@ -99,6 +100,18 @@ pub(crate) fn problem(
         .app
         .problem(&runs[..tuning], &runs[tuning..])
         .map_err(Failure::input)
+}
+
+/// Runs of the scenario with the seeds that many after its own.
+pub(crate) fn cases(setup: &Setup, seeds: Range<u64>) -> Result<Vec<Case>, Failure> {
+    let own = |offset: u64| {
+        let seed = setup.seed.wrapping_add(offset);
+        Wanted(setup.scenario.clone(), seed, setup.seconds)
+    };
+    let wanted: Vec<Wanted> = seeds.map(own).collect();
+    let runs = recorded(setup, &wanted)?;
+    let problem = setup.app.problem(&runs, &[]).map_err(Failure::input)?;
+    Ok(problem.tuning)
 }
 
 /// Records all runs, as many at a time as there are cores.

@@ -9,6 +9,8 @@
 //! rounding = "nearest_up" # floor, ceil, zero, nearest_up, nearest_away, nearest_even
 //! overflow = "saturate"   # wrap, saturate, trap
 //! ```
+//!
+//! A file that was tuned also says to what, in a table `[tuned]`: see [`Tuned`].
 
 use std::collections::BTreeMap;
 use std::format;
@@ -28,6 +30,67 @@ pub struct DeclaredNode {
     pub format: Format,
 }
 
+/// A whole word-length file.
+#[derive(Clone, Debug, PartialEq)]
+pub struct WordLengths {
+    /// The nodes in the order of the file.
+    pub nodes: Vec<DeclaredNode>,
+    /// What they were tuned to; none for formats chosen by hand.
+    pub tuned: Option<Tuned>,
+}
+
+/// What formats were tuned to, and on what: the table `[tuned]`. Whatever judges the formats judges
+/// by this.
+#[derive(Clone, Debug, Default, PartialEq, serde::Deserialize, serde::Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct Tuned {
+    /// The command that finds the same again.
+    #[serde(default)]
+    pub command: String,
+    /// Budget expressions, implied ones included.
+    pub budget: Vec<String>,
+    /// Per budget expression, the largest value reached on the runs tuned on; not a number where it
+    /// was not measured.
+    #[serde(default)]
+    pub reached: Vec<f64>,
+    /// Names of the runs tuned on: scenario and seed.
+    #[serde(default)]
+    pub tuned_on: Vec<String>,
+    /// Names of the runs that the result was verified on.
+    #[serde(default)]
+    pub verified_on: Vec<String>,
+    /// Every budget expression holds on all of them, and with `confidence` where it is given.
+    pub verified: bool,
+    /// With this confidence at least the share `content` of all runs like the fresh ones holds every
+    /// budget expression; 0 where no fresh runs told.
+    #[serde(default)]
+    pub confidence: f64,
+    /// See `confidence`.
+    #[serde(default)]
+    pub content: f64,
+    /// What the proofs of nodes assume of the inputs.
+    #[serde(default)]
+    pub assumptions: Vec<String>,
+    /// Errors of nodes against the algorithm on real numbers.
+    #[serde(default)]
+    pub tolerance: Vec<TunedTolerance>,
+}
+
+/// What a tuned node may differ from the algorithm on real numbers, in the node's unit and in
+/// solutions without status flags: twice the largest found on any run tuned or verified on.
+#[derive(Clone, Debug, Default, PartialEq, serde::Deserialize, serde::Serialize)]
+#[serde(deny_unknown_fields)]
+pub struct TunedTolerance {
+    /// The node.
+    pub node: String,
+    /// Largest size of the error.
+    pub max: f64,
+    /// Root mean square of a run's errors.
+    pub rms: f64,
+    /// Size of the mean of a run's errors.
+    pub bias: f64,
+}
+
 /// Why a word-length file was refused; says file, place, expectation and mend.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct WordlengthsError(String);
@@ -43,6 +106,7 @@ impl std::error::Error for WordlengthsError {}
 #[derive(serde::Deserialize)]
 #[serde(deny_unknown_fields)]
 struct File {
+    tuned: Option<Tuned>,
     node: Vec<Entry>,
 }
 
@@ -57,13 +121,71 @@ struct Entry {
     overflow: String,
 }
 
+/// Reads the nodes of word-length file `file` from its text.
+///
+/// # Errors
+/// As [`parse_all`].
+pub fn parse(text: &str, file: &str) -> Result<Vec<DeclaredNode>, WordlengthsError> {
+    parse_all(text, file).map(|all| all.nodes)
+}
+
 /// Reads the text of word-length file `file`.
 ///
 /// # Errors
-/// Broken TOML, unknown keys, repeated or badly formed names, formats out of range.
-pub fn parse(text: &str, file: &str) -> Result<Vec<DeclaredNode>, WordlengthsError> {
-    let parsed: File =
+/// Broken TOML, unknown keys, repeated or badly formed names, formats out of range, a table `[tuned]`
+/// that speaks of nodes that are not in the file.
+pub fn parse_all(text: &str, file: &str) -> Result<WordLengths, WordlengthsError> {
+    let mut parsed: File =
         toml::from_str(text).map_err(|error| WordlengthsError(format!("{file}: {error}")))?;
+    let tuned = parsed.tuned.take();
+    let nodes = declared(parsed, file)?;
+    if let Some(tuned) = &tuned {
+        check(tuned, &nodes)
+            .map_err(|what| WordlengthsError(format!("{file}: [tuned]: {what}")))?;
+    }
+    Ok(WordLengths { nodes, tuned })
+}
+
+/// The table agrees with itself and with the nodes.
+fn check(tuned: &Tuned, nodes: &[DeclaredNode]) -> Result<(), String> {
+    if tuned.budget.is_empty() {
+        return Err("budget: expected the expressions that the formats were tuned to".to_string());
+    }
+    if !tuned.reached.is_empty() && tuned.reached.len() != tuned.budget.len() {
+        return Err(format!(
+            "reached: {} values for {} budget expressions; give one for each, or none",
+            tuned.reached.len(),
+            tuned.budget.len()
+        ));
+    }
+    for (key, share) in [("confidence", tuned.confidence), ("content", tuned.content)] {
+        if !(0.0..1.0).contains(&share) {
+            return Err(format!(
+                "{key} = {share}: expected 0 up to, not including, 1"
+            ));
+        }
+    }
+    for tolerance in &tuned.tolerance {
+        let name = &tolerance.node;
+        if !nodes.iter().any(|node| node.name == *name) {
+            return Err(format!("tolerance: node '{name}' is not in this file"));
+        }
+        for (key, value) in [
+            ("max", tolerance.max),
+            ("rms", tolerance.rms),
+            ("bias", tolerance.bias),
+        ] {
+            if !(value.is_finite() && value >= 0.0) {
+                return Err(format!(
+                    "tolerance of node '{name}': {key} = {value}: expected a number from 0 up"
+                ));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn declared(parsed: File, file: &str) -> Result<Vec<DeclaredNode>, WordlengthsError> {
     if parsed.node.is_empty() {
         return Err(WordlengthsError(format!(
             "{file}: no nodes; add a [[node]] table for each node"

@@ -1,7 +1,7 @@
 //! Word-length files: what is read, and what each refusal tells.
 
 use cardan_datapath::codegen::generate;
-use cardan_datapath::wordlengths::{DeclaredNode, align, container_bits, parse};
+use cardan_datapath::wordlengths::{DeclaredNode, align, container_bits, parse, parse_all};
 use cardan_datapath::{Format, NodeInfo, Overflow, Rounding};
 use proptest::prelude::*;
 
@@ -182,4 +182,55 @@ proptest! {
         let word = format!("FixedI{}<::cardan_datapath::fixed::types::extra::U{}>", container_bits(f.word), f.frac);
         prop_assert!(source.contains(&word), "{}", source);
     }
+}
+
+const NODE: &str = "[[node]]\nname = \"y\"\nunit = \"1\"\nword = 16\nfrac = 15\nrounding = \"floor\"\noverflow = \"saturate\"\n";
+
+#[test]
+fn what_formats_were_tuned_to_is_kept() {
+    let table = "[tuned]\ncommand = \"cardan tune\"\nbudget = [\"y.rms<=0.02\", \"flags<=0.01\"]\n\
+                 reached = [0.019, nan]\ntuned_on = [\"tumble, seed 1\"]\nverified_on = [\"tumble, seed 4\"]\n\
+                 verified = true\nconfidence = 0.95\ncontent = 0.9\nassumptions = [\"port 0: -512 to 511\"]\n\
+                 [[tuned.tolerance]]\nnode = \"y\"\nmax = 0.5\nrms = 0.25\nbias = 0.0\n";
+    let read = parse_all(&format!("{table}{NODE}"), "t.toml").expect("is accepted");
+    assert_eq!(read.nodes, parse(NODE, "t.toml").expect("is accepted"));
+    let tuned = read.tuned.expect("is kept");
+    assert_eq!(tuned.budget, ["y.rms<=0.02", "flags<=0.01"]);
+    assert!(tuned.reached[0] == 0.019 && tuned.reached[1].is_nan());
+    assert!(tuned.verified);
+    assert_eq!((tuned.confidence, tuned.content), (0.95, 0.9));
+    assert_eq!(tuned.tuned_on, ["tumble, seed 1"]);
+    assert_eq!(tuned.verified_on, ["tumble, seed 4"]);
+    assert_eq!(tuned.assumptions, ["port 0: -512 to 511"]);
+    let tolerance = &tuned.tolerance[0];
+    assert_eq!(
+        (tolerance.node.as_str(), tolerance.max, tolerance.rms),
+        ("y", 0.5, 0.25)
+    );
+    assert_eq!(parse_all(NODE, "t.toml").expect("is accepted").tuned, None);
+}
+
+#[test]
+fn a_table_of_tuning_that_does_not_agree_is_refused() {
+    let told = |table: &str| {
+        let text = format!("[tuned]\n{table}\n{NODE}");
+        parse_all(&text, "t.toml")
+            .expect_err("is refused")
+            .to_string()
+    };
+    assert!(told("verified = true").contains("missing field `budget`"));
+    assert!(told("verified = true\nbudget = []").contains("t.toml: [tuned]: budget"));
+    let good = "verified = true\nbudget = [\"y.rms<=1\"]\n";
+    assert!(told(&format!("{good}colour = 1")).contains("unknown field `colour`"));
+    assert!(told(&format!("{good}reached = [1.0, 2.0]")).contains("2 values for 1"));
+    assert!(told(&format!("{good}confidence = 1.0")).contains("confidence = 1"));
+    assert!(told(&format!("{good}content = nan")).contains("content = NaN"));
+    let tolerance = |node: &str, max: &str| {
+        told(&format!(
+            "{good}[[tuned.tolerance]]\nnode = \"{node}\"\nmax = {max}\nrms = 0.0\nbias = 0.0"
+        ))
+    };
+    assert!(tolerance("z", "1.0").contains("node 'z' is not in this file"));
+    assert!(tolerance("y", "inf").contains("max = inf"));
+    assert!(tolerance("y", "-1.0").contains("max = -1"));
 }

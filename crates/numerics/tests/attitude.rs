@@ -289,7 +289,17 @@ fn worst_errors(truth: &[[f64; 3]], found: &[[f64; 3]]) -> [f64; 3] {
         let difference = found[at][axis] - truth[at][axis];
         ((difference + 540.0).rem_euclid(360.0) - 180.0).abs()
     };
-    [0, 1, 2].map(|axis| (0..truth.len()).fold(0.0, |worst: f64, at| worst.max(error(at, axis))))
+    // What is no number is the worst of all, and nothing at all is no result.
+    assert!(!truth.is_empty() && truth.len() == found.len());
+    let worse = |worst: f64, error: f64| {
+        let is_number = !worst.is_nan() && !error.is_nan();
+        if is_number {
+            worst.max(error)
+        } else {
+            f64::NAN
+        }
+    };
+    [0, 1, 2].map(|axis| (0..truth.len()).map(|at| error(at, axis)).fold(0.0, worse))
 }
 
 /// The firmware leaves it to wrapping nodes that 1 - x and -1 - x are the same angle: where the

@@ -237,8 +237,11 @@ fn only_what_lies_downstream_of_a_change_is_computed_again() {
 #[test]
 fn an_algorithm_that_branches_on_its_input_is_refused() {
     let steps: Vec<Vec<i32>> = (0..100).map(|at| vec![at]).collect();
-    let found = Tape::record(&Unsteady, &steps);
-    assert_eq!(found.unwrap_err(), TraceError::OtherPath { step: 50 });
+    let found = Tape::record(&Unsteady, &steps).unwrap_err();
+    assert!(
+        matches!(found, TraceError::OtherPath { step: 50, .. }),
+        "{found}"
+    );
     let none: [Vec<i32>; 0] = [];
     assert_eq!(Tape::record(&Iir, &none).unwrap_err(), TraceError::Empty);
     let _ = At::<0>;

@@ -1,12 +1,16 @@
 //! What a candidate achieves: runs it on every tuning case and measures the budget's figures, ending
 //! a run as soon as a limit is provably missed.
 
+mod figures;
+
 use std::ops::{ControlFlow, Range};
 
-use cardan_datapath::{Format, Overflow};
-use cardan_numerics::tape::{NO_NODE, Reals};
+use cardan_datapath::Format;
+use cardan_numerics::tape::{Reals, beyond};
 use cardan_numerics::trial::Trial;
 
+pub(crate) use self::figures::difference;
+use self::figures::{differing_flags, distances, figure, largest, overflows, sqnr};
 use crate::budget::{Against, Budget, Measure, Statistic, Subject};
 use crate::problem::{Case, Problem};
 
@@ -25,14 +29,16 @@ impl<'a> Prepared<'a> {
     pub(crate) fn new(problem: &Problem, case: &'a Case) -> Self {
         let formats = problem.deployed();
         let reals = Reals::run(&case.tape, &case.inputs, &formats, problem.domain_flag);
-        let known = |step: usize| {
-            case.references
-                .iter()
-                .all(|series| series[step].is_finite())
+        let writes = |step: usize| {
+            let node = |q: &crate::Quantity| case.tape.last_write_in(step, q.node).is_some();
+            problem.quantities.iter().all(node)
         };
-        let first = case.tape.transient.len();
+        let known = |step: usize| {
+            let is_known = |series: &Vec<f64>| series[step].is_finite();
+            case.references.iter().all(is_known) && writes(step)
+        };
         let judged: Vec<bool> = (0..case.inputs.steps)
-            .map(|step| step >= first && reals.status[step] == 0 && known(step))
+            .map(|step| reals.status[step] == 0 && known(step))
             .collect();
         let output = |node: usize| case.tape.last_write(node).unwrap_or(0);
         Self {
@@ -44,9 +50,25 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Steps whose errors count.
+    /// Steps whose errors count, start-up steps among them.
     pub(crate) fn judged(&self) -> &[bool] {
         &self.judged
+    }
+
+    /// How many they are.
+    pub(crate) const fn count(&self) -> usize {
+        self.count
+    }
+
+    /// The raw word of quantity `at` after `step` of a trial; steps that write none are not judged.
+    fn output(&self, trial: &Trial<'_>, at: usize, node: usize, step: usize) -> i64 {
+        match trial.transient().get(step) {
+            None => trial.column(self.outputs[at]).get(step),
+            Some(words) => {
+                let write = self.case.tape.last_write_in(step, node);
+                write.map_or(0, |index| words[index].raw)
+            }
+        }
     }
 }
 
@@ -74,12 +96,19 @@ pub(crate) struct Evaluator<'a> {
     problem: &'a Problem,
     budget: &'a Budget,
     cases: &'a [Prepared<'a>],
+    /// Per node, whether wrapping is right.
+    by_design: &'a [bool],
     trials: Vec<Trial<'a>>,
     buffers: Vec<Vec<f64>>,
 }
 
 impl<'a> Evaluator<'a> {
-    pub(crate) fn new(problem: &'a Problem, budget: &'a Budget, cases: &'a [Prepared<'a>]) -> Self {
+    pub(crate) fn new(
+        problem: &'a Problem,
+        budget: &'a Budget,
+        cases: &'a [Prepared<'a>],
+        by_design: &'a [bool],
+    ) -> Self {
         let trial = |prepared: &Prepared<'a>| {
             Trial::new(
                 &prepared.case.tape,
@@ -91,6 +120,7 @@ impl<'a> Evaluator<'a> {
             problem,
             budget,
             cases,
+            by_design,
             trials: cases.iter().map(trial).collect(),
             buffers: vec![Vec::new(); budget.0.len()],
         }
@@ -142,8 +172,15 @@ impl<'a> Evaluator<'a> {
         let buffers = &mut self.buffers;
         buffers.iter_mut().for_each(Vec::clear);
         let mut sums = vec![0.0; budget.0.len()];
-        let judge = |trial: &Trial<'_>, block: Range<usize>| {
+        // Start-up steps are judged with the first block.
+        let start_up = case_start_up(prepared);
+        let mut judge = |trial: &Trial<'_>, block: Range<usize>| {
             let mut missed = false;
+            let block = if block.start == start_up {
+                0..block.end
+            } else {
+                block
+            };
             for (index, constraint) in budget.0.iter().enumerate() {
                 if let Measure::Error(against, subject, statistic) = constraint.measure {
                     let errors = &mut buffers[index];
@@ -174,8 +211,12 @@ impl<'a> Evaluator<'a> {
                 ControlFlow::Continue(())
             }
         };
-        let whole = self.trials[at].run(formats, judge);
+        let whole = self.trials[at].run(formats, &mut judge);
         let trial = &self.trials[at];
+        if start_up == prepared.case.inputs.steps {
+            // The run ends within the start-up: no block came.
+            let _ = judge(trial, start_up..start_up);
+        }
         let mut values = Vec::new();
         for (index, constraint) in budget.0.iter().enumerate() {
             let value = match constraint.measure {
@@ -197,11 +238,13 @@ impl<'a> Evaluator<'a> {
                 _ if !whole => f64::NEG_INFINITY,
                 Measure::Sqnr(node) => sqnr(prepared, trial, formats, node),
                 Measure::Lsb(node) => {
-                    let worst = distances(prepared, trial, formats, node)
-                        .fold(0.0, |worst: f64, (error, _)| worst.max(error.abs()));
-                    worst / formats[node].lsb()
+                    let errors = distances(prepared, trial, formats, node);
+                    largest(errors.map(|(error, _)| error)) / formats[node].lsb()
                 }
-                Measure::Overflow(node) => overflows(problem, trial, node) as f64,
+                Measure::Overflow(node) => {
+                    let beyond = beyond(&prepared.case.tape, formats);
+                    overflows(self.by_design, trial, &beyond, node) as f64
+                }
                 Measure::Flags => differing_flags(prepared, trial),
                 // Measured on the target, by others.
                 Measure::Cycles | Measure::Flash => f64::NEG_INFINITY,
@@ -228,18 +271,16 @@ fn collect(
         Against::Golden => &prepared.case.references,
         Against::Truth => &prepared.case.truths,
     };
-    let columns: Vec<_> = prepared
-        .outputs
-        .iter()
-        .map(|&index| trial.column(index))
-        .collect();
     let lsbs: Vec<f64> = problem
         .quantities
         .iter()
         .map(|q| formats[q.node].lsb())
         .collect();
-    let mut values = vec![0.0; columns.len()];
-    let mut references = vec![0.0; columns.len()];
+    let mut values = vec![0.0; lsbs.len()];
+    let mut references = vec![0.0; lsbs.len()];
+    let value_of = |at: usize, step: usize| {
+        prepared.output(trial, at, problem.quantities[at].node, step) as f64 * lsbs[at]
+    };
     for step in block {
         if !prepared.judged[step] {
             continue;
@@ -247,106 +288,72 @@ fn collect(
         let error = match subject {
             Subject::Quantity(at) => {
                 let quantity = &problem.quantities[at];
-                let value = columns[at].get(step) as f64 * lsbs[at];
-                difference(value, series[at][step], quantity.period) * quantity.scale
+                references[at] = series[at][step];
+                difference(value_of(at, step), references[at], quantity.period) * quantity.scale
             }
             Subject::Combined(at) => {
                 for (quantity, value) in values.iter_mut().enumerate() {
-                    *value = columns[quantity].get(step) as f64 * lsbs[quantity];
+                    *value = value_of(quantity, step);
                     references[quantity] = series[quantity][step];
                 }
                 (problem.combined[at].error)(&values, &references)
             }
         };
-        if error.is_finite() {
-            errors.push(error);
+        // An unknown truth says nothing; an error that is no number is as bad as can be.
+        let is_known = match subject {
+            Subject::Quantity(at) => references[at].is_finite(),
+            Subject::Combined(_) => references.iter().all(|reference| reference.is_finite()),
+        };
+        if is_known {
+            errors.push(if error.is_finite() {
+                error
+            } else {
+                f64::INFINITY
+            });
         }
     }
 }
 
-/// value - reference, the short way round where there is a period.
-pub(crate) fn difference(value: f64, reference: f64, period: Option<f64>) -> f64 {
-    let plain = value - reference;
-    match period {
-        Some(period) => plain - period * (plain / period).round_ties_even(),
-        None => plain,
-    }
-}
-
-fn figure(statistic: Statistic, square: f64, count: usize, errors: &mut [f64], whole: bool) -> f64 {
-    if errors.is_empty() {
-        return if whole { f64::NAN } else { f64::NEG_INFINITY };
-    }
-    match statistic {
-        Statistic::Rms => (square / count as f64).sqrt(),
-        Statistic::Max => errors
-            .iter()
-            .fold(0.0, |worst, error| worst.max(error.abs())),
-        Statistic::P99 if !whole => f64::NEG_INFINITY,
-        Statistic::P99 => {
-            let rank = (errors.len() * 99).div_ceil(100) - 1;
-            let by_size = |a: &f64, b: &f64| a.abs().total_cmp(&b.abs());
-            errors.select_nth_unstable_by(rank, by_size).1.abs()
+/// The figure of an error on real numbers: what no formats change.
+pub(crate) fn own_value(
+    problem: &Problem,
+    prepared: &Prepared<'_>,
+    (against, subject): (Against, Subject),
+    statistic: Statistic,
+) -> f64 {
+    let case = prepared.case;
+    let series = match against {
+        Against::Golden => &case.references,
+        Against::Truth => &case.truths,
+    };
+    let value = |at: usize, step: usize| {
+        let write = case.tape.last_write_in(step, problem.quantities[at].node);
+        write.map_or(f64::NAN, |index| prepared.reals.steps[step][index])
+    };
+    let error = |step: usize| match subject {
+        Subject::Quantity(at) => {
+            let quantity = &problem.quantities[at];
+            let reference = series[at][step];
+            difference(value(at, step), reference, quantity.period) * quantity.scale
         }
-    }
-}
-
-/// Error and real value of every write of a node in judged steps.
-fn distances<'a>(
-    prepared: &'a Prepared<'_>,
-    trial: &'a Trial<'_>,
-    formats: &'a [Format],
-    node: usize,
-) -> impl Iterator<Item = (f64, f64)> + 'a {
-    let lsb = formats[node].lsb();
-    let steady = prepared.case.tape.steady.iter().enumerate();
-    let writes = steady.filter(move |(_, entry)| {
-        entry.node != NO_NODE && entry.node as usize == node && entry.op.is_recorded()
-    });
-    writes.flat_map(move |(index, _)| {
-        let column = trial.column(index);
-        let judged = trial.steps().filter(|&step| prepared.judged[step]);
-        judged.map(move |step| {
-            let real = prepared.reals.steps[step][index];
-            (column.get(step) as f64 * lsb - real, real)
-        })
-    })
-}
-
-fn sqnr(prepared: &Prepared<'_>, trial: &Trial<'_>, formats: &[Format], node: usize) -> f64 {
-    let (mut noise, mut signal) = (0.0, 0.0);
-    for (error, real) in distances(prepared, trial, formats, node) {
-        noise += error * error;
-        signal += real * real;
-    }
-    // A node without noise is beyond any limit.
-    if noise == 0.0 {
-        f64::INFINITY
-    } else {
-        10.0 * libm::log10(signal / noise)
-    }
-}
-
-/// Overflows of one node, or of all that do not wrap by design (deployed as wrapping).
-fn overflows(problem: &Problem, trial: &Trial<'_>, node: Option<usize>) -> u64 {
-    let counts = trial.overflows();
-    match node {
-        Some(node) => counts[node],
-        None => {
-            let counted = problem.nodes.iter().zip(&counts);
-            counted
-                .filter(|(info, _)| info.format.overflow != Overflow::Wrap)
-                .map(|(_, count)| count)
-                .sum()
+        Subject::Combined(at) => {
+            let all = 0..problem.quantities.len();
+            let values: Vec<f64> = all.clone().map(|at| value(at, step)).collect();
+            let references: Vec<f64> = all.map(|at| series[at][step]).collect();
+            (problem.combined[at].error)(&values, &references)
         }
-    }
+    };
+    let judged = (0..case.inputs.steps).filter(|&step| prepared.judged[step]);
+    let mut errors: Vec<f64> = judged
+        .map(error)
+        .filter(|error| error.is_finite())
+        .collect();
+    let square = errors.iter().map(|error| error * error).sum();
+    let count = errors.len();
+    figure(statistic, square, count, &mut errors, true)
 }
 
-/// Share of all steps whose status is another than on real numbers.
-fn differing_flags(prepared: &Prepared<'_>, trial: &Trial<'_>) -> f64 {
-    let steps = trial.steps();
-    let differing = steps
-        .clone()
-        .filter(|&step| trial.status()[step] != prepared.reals.status[step]);
-    differing.count() as f64 / steps.len().max(1) as f64
+/// Start-up steps of a case.
+fn case_start_up(prepared: &Prepared<'_>) -> usize {
+    (prepared.case.tape.transient.len()).min(prepared.case.inputs.steps)
 }

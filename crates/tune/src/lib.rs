@@ -9,6 +9,8 @@
 pub mod budget;
 mod catalogue;
 pub mod cost;
+mod design;
+mod deviation;
 mod evaluate;
 mod noise;
 mod outcome;
@@ -20,6 +22,7 @@ mod ranges;
 mod ranges_page;
 mod search;
 mod space;
+mod statistics;
 mod tune;
 mod witness;
 
@@ -27,12 +30,16 @@ pub use budget::{Budget, BudgetError, Constraint};
 pub use cost::Cost;
 pub use evaluate::Score;
 pub use noise::{NodeNoise, sensitivities};
-pub use outcome::{Candidate, NamedFormats, OnTarget, Outcome, Point, Reached, Verification};
+pub use outcome::{
+    Candidate, FlagCount, NamedFormats, OnTarget, Outcome, Point, Reached, Statistics, Stretch,
+    Verification,
+};
 pub use page::page;
 pub use problem::{Case, Combined, Problem, Quantity};
 pub use ranges::{Bounds, NodeRange, Ranges, ranges};
 pub use ranges_page::ranges_page;
 pub use search::{JournalError, Method};
 pub use space::SpaceError;
-pub use tune::{OnTargetFn, Options, Progress, TuneError, tune};
+pub use statistics::CONTENT;
+pub use tune::{FreshFn, OnTargetFn, Options, Progress, TuneError, tune, tune_with};
 pub use witness::Witness;

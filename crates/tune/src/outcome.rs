@@ -1,5 +1,6 @@
 //! What a search found, as it is reported.
 
+use cardan_datapath::wordlengths::TunedTolerance;
 use cardan_datapath::{Format, NodeInfo};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
@@ -113,6 +114,53 @@ pub struct Point {
     pub formats: NamedFormats,
 }
 
+/// How often a status bit was raised, over all solutions of a run.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+pub struct FlagCount {
+    /// The bit's mask.
+    pub bit: u16,
+    /// By the algorithm on real numbers.
+    pub real: u64,
+    /// In these formats.
+    pub tuned: u64,
+    /// By one of them alone.
+    pub differing: u64,
+}
+
+/// What fresh runs tell of all runs like them: how far each stretches a limit is taken as normally
+/// distributed over seeds.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Statistics {
+    /// Fresh runs that the result was verified on.
+    pub runs: usize,
+    /// Of these, runs that meet every limit.
+    pub holding: usize,
+    /// Rounds of search and verification, each on runs of its own.
+    pub rounds: u64,
+    /// Confidence over all rounds that the bounds hold for `content` of all runs.
+    pub confidence: f64,
+    /// The share of all runs.
+    pub content: f64,
+    /// Factor of the one-sided tolerance limit.
+    pub factor: f64,
+    /// Per constraint: mean and standard deviation of the stretch, and mean + factor deviation; up to 1
+    /// is within the limit.
+    pub stretches: Vec<Stretch>,
+}
+
+/// How far fresh runs stretch one limit.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Stretch {
+    /// The budget expression.
+    pub constraint: String,
+    /// Mean.
+    pub mean: f64,
+    /// Standard deviation.
+    pub deviation: f64,
+    /// What is not exceeded.
+    pub bound: f64,
+}
+
 /// The best candidate on one case.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Verification {
@@ -120,6 +168,10 @@ pub struct Verification {
     pub case: String,
     /// It was not tuned on.
     pub held_out: bool,
+    /// It is one of the fresh runs of the statistics.
+    pub fresh: bool,
+    /// Status bits that either raised.
+    pub flags: Vec<FlagCount>,
     /// Every figure of the budget.
     pub reached: Vec<Reached>,
     /// Every limit is met.
@@ -133,10 +185,12 @@ pub struct Verification {
 pub struct Outcome {
     /// The budget is met on the tuning cases.
     pub feasible: bool,
-    /// And on the held-out cases.
+    /// And on the held-out cases; with fresh runs, by their statistics too.
     pub verified: bool,
     /// The constraint that stretches most, where the budget is not met.
     pub binding: Option<String>,
+    /// Why no formats can meet it, where the algorithm itself misses it.
+    pub reason: Option<String>,
     /// Method.
     pub method: &'static str,
     /// Cost model.
@@ -147,6 +201,8 @@ pub struct Outcome {
     pub seconds: f64,
     /// Every node 32 bit.
     pub baseline: Candidate,
+    /// The deployed formats.
+    pub deployed: Candidate,
     /// The best uniform word length that meets the budget.
     pub best_uniform: Option<Candidate>,
     /// The result; the closest point where nothing meets the budget.
@@ -157,6 +213,14 @@ pub struct Outcome {
     pub measured: Vec<Candidate>,
     /// The result on every case.
     pub verification: Vec<Verification>,
+    /// What fresh runs tell; none without any.
+    pub statistics: Option<Statistics>,
+    /// Errors of every node against the algorithm on real numbers: twice the largest over all cases.
+    pub tolerances: Vec<TunedTolerance>,
+    /// Nodes of the result that no inputs within the assumptions make overflow.
+    pub proven: Vec<String>,
+    /// What the proofs assume of the inputs.
+    pub assumptions: Vec<String>,
     /// The noise model at the result.
     pub sensitivities: Vec<NodeNoise>,
     /// Ranges of the nodes.

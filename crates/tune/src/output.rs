@@ -2,14 +2,19 @@
 
 use std::fmt::Write as _;
 
+use cardan_datapath::wordlengths::Tuned;
 use cardan_datapath::{Format, NodeInfo};
 
-use crate::outcome::Outcome;
+use crate::outcome::{Outcome, Statistics};
 
-/// A word-length file of the result, with range, margin and share of the error of each node.
+/// A word-length file of the result: what it was tuned to and on, then the nodes with range, margin
+/// and share of the error of each.
 #[must_use]
 pub fn wordlengths(outcome: &Outcome, nodes: &[NodeInfo], command: &str) -> String {
     let mut out = format!("# Word lengths tuned with: {command}\n");
+    if !outcome.verified {
+        out.push_str("# NOT VERIFIED: the budget does not hold on all runs that were looked at\n");
+    }
     for reached in &outcome.best.reached {
         if let Some(value) = reached.value {
             let _ = writeln!(out, "# {}: reached {value:.4e}", reached.constraint);
@@ -18,13 +23,16 @@ pub fn wordlengths(outcome: &Outcome, nodes: &[NodeInfo], command: &str) -> Stri
     let bits = outcome.best.bits;
     let _ = writeln!(
         out,
-        "# {bits} bits in all; uniform 32 bit: {}, best uniform: {}",
+        "# {bits} bits in all; uniform 32 bit: {}, best uniform: {}\n\
+         # proven: no inputs within the assumptions below make the node overflow in these formats",
         outcome.baseline.bits,
         outcome
             .best_uniform
             .as_ref()
             .map_or("none".into(), |uniform| uniform.bits.to_string())
     );
+    out.push('\n');
+    tuned(&mut out, outcome, command);
     for (at, (node, (_, format))) in nodes.iter().zip(&outcome.best.formats.0).enumerate() {
         let _ = write!(
             out,
@@ -42,6 +50,47 @@ pub fn wordlengths(outcome: &Outcome, nodes: &[NodeInfo], command: &str) -> Stri
     out
 }
 
+/// The result as the table `[tuned]` of its word-length file.
+#[must_use]
+pub fn tuned_to(outcome: &Outcome, command: &str) -> Tuned {
+    let named = |held_out: bool| {
+        let own = outcome
+            .verification
+            .iter()
+            .filter(|case| case.held_out == held_out);
+        own.map(|case| case.case.clone()).collect()
+    };
+    let reached = &outcome.best.reached;
+    let statistics = outcome.statistics.as_ref().filter(|_| outcome.verified);
+    Tuned {
+        command: command.to_owned(),
+        budget: reached.iter().map(|one| one.constraint.clone()).collect(),
+        reached: reached
+            .iter()
+            .map(|one| one.value.unwrap_or(f64::NAN))
+            .collect(),
+        tuned_on: named(false),
+        verified_on: named(true),
+        verified: outcome.verified,
+        confidence: statistics.map_or(0.0, |found| found.confidence),
+        content: statistics.map_or(0.0, |found| found.content),
+        assumptions: outcome.assumptions.clone(),
+        tolerance: outcome.tolerances.clone(),
+    }
+}
+
+fn tuned(out: &mut String, outcome: &Outcome, command: &str) {
+    #[derive(serde::Serialize)]
+    struct Table {
+        tuned: Tuned,
+    }
+    let tuned = tuned_to(outcome, command);
+    // Names, numbers and texts are all that it holds: TOML has a form for each.
+    if let Ok(text) = toml::to_string(&Table { tuned }) {
+        out.push_str(&text);
+    }
+}
+
 /// The range of a node and how much of its word is left above it.
 fn range_comment(outcome: &Outcome, node: usize, format: Format) -> String {
     let Some(range) = outcome.ranges.get(node) else {
@@ -57,7 +106,8 @@ fn range_comment(outcome: &Outcome, node: usize, format: Format) -> String {
     } else {
         String::new()
     };
-    let proven = if range.proven { ", proven" } else { "" };
+    let is_proven = outcome.proven.contains(&range.name);
+    let proven = if is_proven { ", proven" } else { "" };
     format!("  # range {min:.4} to {max:.4}{margin}{proven}")
 }
 
@@ -92,5 +142,30 @@ pub fn front_csv(outcome: &Outcome) -> String {
             point.limit_factor, point.bits, point.cost
         );
     }
+    out
+}
+
+/// The statistics of fresh runs in words.
+#[must_use]
+pub fn told(found: &Statistics) -> String {
+    let mut out = format!(
+        "{} of {} fresh runs hold (round {})",
+        found.holding, found.runs, found.rounds
+    );
+    for stretch in &found.stretches {
+        let _ = write!(
+            out,
+            "; {}: {:.3} of the limit, deviation {:.3}, bound {:.3}",
+            stretch.constraint, stretch.mean, stretch.deviation, stretch.bound
+        );
+    }
+    let _ = write!(
+        out,
+        ". Bounds are not exceeded by {:.0} % of all such runs with {:.0} % confidence (normal \
+         tolerance limit, factor {:.2}).",
+        100.0 * found.content,
+        100.0 * found.confidence,
+        found.factor
+    );
     out
 }

@@ -71,8 +71,10 @@ fn verdict(outcome: &Outcome) -> Markup {
         } @else if outcome.verified {
             p.ok { "Budget met, on held-out inputs too." }
         } @else {
-            p.miss { "Budget met on the inputs tuned on, missed on held-out inputs." }
+            p.miss { "NOT VERIFIED: budget met on the inputs tuned on, missed on others." }
         }
+        @if let Some(reason) = &outcome.reason { p.miss { (reason) } }
+        @if let Some(found) = &outcome.statistics { p { (crate::output::told(found)) } }
         @for warning in &outcome.warnings { p.miss { (warning) } }
         table {
             tr { th { "case" } th { "limit" } th { "reached" } th { "of the limit" } th { "over tuning" } }

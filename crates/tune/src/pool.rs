@@ -21,9 +21,10 @@ impl<'a> Pool<'a> {
         problem: &'a Problem,
         budget: &'a Budget,
         cases: &'a [Prepared<'a>],
+        by_design: &'a [bool],
         threads: usize,
     ) -> Self {
-        let worker = |_| Mutex::new(Evaluator::new(problem, budget, cases));
+        let worker = |_| Mutex::new(Evaluator::new(problem, budget, cases, by_design));
         Self {
             workers: (0..threads.max(1)).map(worker).collect(),
         }

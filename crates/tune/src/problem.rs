@@ -35,7 +35,8 @@ pub struct Case {
     pub tape: Tape,
     /// What it takes from outside.
     pub inputs: Inputs,
-    /// Bounds of the raw inputs of a step, per port.
+    /// Bounds of the raw inputs of a step, per port: what proofs assume. Anything at all until they are
+    /// declared; data never declare them.
     pub ports: Vec<(i32, i32)>,
     /// How many channels take turns on the ports (1 if each is a signal of its own kind).
     pub channels: usize,
@@ -67,7 +68,7 @@ pub struct Problem {
 }
 
 impl Case {
-    /// Records `datapath` on `steps`, the inputs of each step. Port bounds are those of the inputs;
+    /// Records `datapath` on `steps`, the inputs of each step. Nothing is assumed of the ports, and
     /// there is no reference yet.
     ///
     /// # Errors
@@ -78,13 +79,9 @@ impl Case {
         steps: &[I],
     ) -> Result<Self, TraceError> {
         let (tape, inputs) = Tape::record(datapath, steps)?;
-        let bounds = |port: &Vec<i32>| {
-            let ends = (port.iter().min().copied(), port.iter().max().copied());
-            (ends.0.unwrap_or(0), ends.1.unwrap_or(0))
-        };
         Ok(Self {
             name: name.to_owned(),
-            ports: inputs.raws.iter().map(bounds).collect(),
+            ports: vec![(i32::MIN, i32::MAX); inputs.raws.len()],
             channels: 1,
             tape,
             inputs,
@@ -99,12 +96,10 @@ impl Case {
     pub fn against_real(mut self, quantities: &[Quantity], nodes: &[NodeInfo]) -> Self {
         let formats: Vec<Format> = nodes.iter().map(|node| node.format).collect();
         let reals = Reals::run(&self.tape, &self.inputs, &formats, 0);
-        let first = self.tape.transient.len();
         let series = |quantity: &Quantity| {
-            let write = self.tape.last_write(quantity.node);
-            let value = |(step, values): (usize, &Vec<f64>)| match write {
-                Some(index) if step >= first => values[index],
-                _ => f64::NAN,
+            let value = |(step, values): (usize, &Vec<f64>)| {
+                let write = self.tape.last_write_in(step, quantity.node);
+                write.map_or(f64::NAN, |index| values[index])
             };
             reals.steps.iter().enumerate().map(value).collect()
         };

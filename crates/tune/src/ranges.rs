@@ -1,9 +1,12 @@
 //! What values nodes take: simulated next to derived, and the integer bits that follow.
 
 use cardan_datapath::{Format, Overflow};
-use cardan_numerics::tape::{Interval, NO_NODE, Reals, Runner, Tape, Words, affine_bounds, bounds};
+use cardan_numerics::tape::{
+    Interval, NO_NODE, Op, Reals, Runner, Tape, Words, affine_bounds, beyond, bounds,
+};
 use serde::Serialize;
 
+use crate::design::wraps_by_design;
 use crate::problem::{Case, Problem};
 use crate::witness::{self, Witness};
 
@@ -71,6 +74,13 @@ pub struct NodeRange {
     pub proven: bool,
     /// It holds an angle or the like: wrapping is right, and its range is its format's.
     pub wraps_by_design: bool,
+    /// Wrapping is right there, whether or not this run showed it.
+    pub by_design: bool,
+    /// An input enters it.
+    pub is_input: bool,
+    /// A constant, setting or table entry that the deployed format does not hold: it saturates there,
+    /// in every run, without a word.
+    pub beyond: Option<f64>,
     /// Overflows of the deployed format in simulation.
     pub overflows: u64,
     /// The first of them.
@@ -94,7 +104,9 @@ impl NodeRange {
     pub fn verdict(&self) -> String {
         /// Of a witness; the whole is in the document.
         const SHOWN: usize = 4;
-        if self.wraps_by_design {
+        if let Some(value) = self.beyond {
+            format!("the constant {value} is beyond it")
+        } else if self.wraps_by_design {
             "wraps by design".to_owned()
         } else if self.overflows > 0 {
             format!("{} in simulation", self.overflows)
@@ -138,6 +150,9 @@ pub(crate) fn integer_bits(lo: f64, hi: f64) -> Option<i32> {
 pub fn ranges(problem: &Problem, guard_bits: u32, search: usize, seed: u64) -> Ranges {
     let formats = problem.deployed();
     let mut found: Vec<Collected> = vec![Collected::default(); problem.nodes.len()];
+    for (node, wraps) in wraps_by_design(problem).into_iter().enumerate() {
+        found[node].by_design = wraps;
+    }
     let mut steps = 0;
     for case in problem.cases() {
         steps += case.inputs.steps as u64;
@@ -148,6 +163,10 @@ pub fn ranges(problem: &Problem, guard_bits: u32, search: usize, seed: u64) -> R
             widen_by(&mut collected.derived, derived);
             widen_by(&mut collected.affine, affine);
         }
+        for (collected, value) in found.iter_mut().zip(beyond(&case.tape, &formats)) {
+            collected.beyond = collected.beyond.or(value);
+        }
+        note_inputs(case, &mut found);
     }
     let finish =
         |(node, collected): (usize, &Collected)| node_range(problem, node, collected, guard_bits);
@@ -173,6 +192,21 @@ struct Collected {
     affine: Option<(f64, f64)>,
     overflows: u64,
     first: Option<First>,
+    /// Wrapping is right.
+    by_design: bool,
+    /// What a constant is that the format does not hold.
+    beyond: Option<f64>,
+    /// An input enters it.
+    is_input: bool,
+}
+
+fn note_inputs(case: &Case, found: &mut [Collected]) {
+    let bodies = case.tape.transient.iter().chain([&case.tape.steady]);
+    for entry in bodies.flatten() {
+        if let (Op::Input { .. }, Some(node)) = (entry.op, found.get_mut(entry.node as usize)) {
+            node.is_input = true;
+        }
+    }
 }
 
 fn widen(span: &mut Option<(f64, f64)>, value: f64) {
@@ -242,17 +276,27 @@ fn node_range(problem: &Problem, node: usize, collected: &Collected, guard_bits:
     let deployed_integer = format.word.cast_signed() - format.frac.cast_signed();
     let half = libm::ldexp(1.0, deployed_integer - 1);
     let reaches = span.is_some_and(|(lo, hi)| lo < -half / 2.0 || hi >= half / 2.0);
-    // What wraps in the deployed design, or fills its range, is a value modulo that range.
-    let wraps_by_design = format.overflow == Overflow::Wrap && (reaches || collected.overflows > 0);
+    // What fills the range of a node that is meant to wrap is a value modulo that range.
+    let wraps_by_design = collected.by_design && (reaches || collected.overflows > 0);
     let integer_simulated = span.and_then(|(lo, hi)| integer_bits(lo, hi));
     let integer_derived = affine.ends().and_then(|(lo, hi)| integer_bits(lo, hi));
     let guard = guard_bits.cast_signed();
     let guarded = integer_simulated.map(|bits| bits + guard);
     let integer = match (guarded, integer_derived) {
-        _ if wraps_by_design => deployed_integer,
+        // Another range would be another period.
+        _ if collected.by_design => deployed_integer,
+        // A wrap by accident hides what the node would need.
+        _ if format.overflow == Overflow::Wrap && collected.overflows > 0 => deployed_integer,
         (Some(simulated), Some(derived)) => simulated.min(derived),
         (Some(simulated), None) => simulated,
         (None, _) => deployed_integer,
+    };
+    // Whatever a run shows, an input may take all that its port allows and its node held so far.
+    let least = integer_derived.map_or(deployed_integer, |bits| bits.min(deployed_integer));
+    let integer = if collected.is_input {
+        integer.max(least)
+    } else {
+        integer
     };
     let constant = collected.derived.is_none() && collected.overflows == 0;
     let fits = |(lo, hi): (f64, f64)| Interval::new(lo, hi).fits(format);
@@ -273,8 +317,11 @@ fn node_range(problem: &Problem, node: usize, collected: &Collected, guard_bits:
             .collect(),
         derived,
         derived_affine: affine,
-        proven: proven && collected.overflows == 0,
+        proven: proven && collected.overflows == 0 && collected.beyond.is_none(),
         wraps_by_design,
+        by_design: collected.by_design,
+        is_input: collected.is_input,
+        beyond: collected.beyond,
         overflows: collected.overflows,
         first_overflow: collected.first.clone(),
         witness: None,

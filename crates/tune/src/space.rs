@@ -93,6 +93,7 @@ impl Space {
         problem: &Problem,
         integer: Vec<i32>,
         restrictions: &Restrictions,
+        by_design: &[bool],
     ) -> Result<Self, SpaceError> {
         let node = |option: &'static str, name: &String| {
             problem.node(name).ok_or_else(|| SpaceError::UnknownNode {
@@ -142,9 +143,15 @@ impl Space {
             if locked[index] {
                 info.format
             } else {
-                // To nearest costs no bits and never brings a bias; floor is tried at the end.
+                // To nearest costs no bits and never brings a bias; floor is tried at the end, and so is
+                // wrapping where it is proven and not the node's purpose.
+                let overflow = match info.format.overflow {
+                    Overflow::Wrap if !by_design[index] => Overflow::Saturate,
+                    own => own,
+                };
                 Format {
                     rounding: Rounding::NearestUp,
+                    overflow,
                     ..info.format
                 }
             }

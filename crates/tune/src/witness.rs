@@ -66,6 +66,7 @@ fn drawn(case: &Case, steps: usize, seed: u64) -> Inputs {
         let span = (i64::from(hi) - i64::from(lo) + 1).unsigned_abs();
         (i64::from(lo) + (rng.next_u64() % span).cast_signed()) as i32
     };
+    let middle = |lo: i32, hi: i32| ((i64::from(lo) + i64::from(hi)) / 2) as i32;
     let mut raws = vec![Vec::with_capacity(steps); case.ports.len()];
     for step in 0..steps {
         // Each channel rests somewhere or in a corner, with or without noise; or anything goes.
@@ -74,7 +75,7 @@ fn drawn(case: &Case, steps: usize, seed: u64) -> Inputs {
             .map(|channel| {
                 let (lo, hi) = case.ports.get(channel).copied().unwrap_or((0, 0));
                 if kind == 0 {
-                    [lo, hi, lo + (hi - lo) / 2][uniform(0, 2).unsigned_abs() as usize]
+                    [lo, hi, middle(lo, hi)][uniform(0, 2).unsigned_abs() as usize]
                 } else {
                     uniform(lo, hi)
                 }
@@ -83,7 +84,7 @@ fn drawn(case: &Case, steps: usize, seed: u64) -> Inputs {
         for (port, (lo, hi)) in case.ports.iter().enumerate() {
             let raw = match kind {
                 0 | 1 => bases[port % case.channels].clamp(*lo, *hi),
-                2 => (bases[port % case.channels] + uniform(-4, 4)).clamp(*lo, *hi),
+                2 => (bases[port % case.channels].saturating_add(uniform(-4, 4))).clamp(*lo, *hi),
                 _ => uniform(*lo, *hi),
             };
             raws[port].push(raw);

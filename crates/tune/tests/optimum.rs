@@ -36,9 +36,14 @@ fn all(problem: &Problem, integer: &[i32]) -> Vec<(u32, f64)> {
             .collect();
         trial.run_all(&formats);
         let lsb = formats[output].lsb();
-        let errors = trial.steps().map(|step| {
+        // Start-up steps count like all others.
+        let word = |step: usize| match trial.transient().get(step) {
+            None => trial.column(last).get(step),
+            Some(words) => words[case.tape.last_write_in(step, output).expect("is written")].raw,
+        };
+        let errors = (0..case.inputs.steps).map(|step| {
             let reference = case.references[0][step];
-            (trial.column(last).get(step) as f64 * lsb - reference).powi(2)
+            (word(step) as f64 * lsb - reference).powi(2)
         });
         let judged: Vec<f64> = errors.filter(|error| error.is_finite()).collect();
         let rms = (judged.iter().sum::<f64>() / judged.len() as f64).sqrt();

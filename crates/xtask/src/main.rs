@@ -17,7 +17,8 @@ const USAGE: &str = "\
 usage: cargo xtask test [--only STEP,...]   every check: installs what is missing, then runs all steps
        cargo xtask images                   rebuilds the committed firmware images from source
        cargo xtask soak [--minutes N]       each fuzz target for N minutes (10), random programs for 10^9 cycles,
-                                            10^7 random operations per rounding and overflow mode
+                                            10^7 random operations per rounding and overflow mode,
+                                            10^6 random algorithms on tapes
        cargo xtask c-header                 writes firmware/c/nodes.h from firmware/wordlengths.toml";
 
 fn main() -> ExitCode {

@@ -1,5 +1,6 @@
 //! The long tests: each fuzz target for some minutes, random programs for 10^9 cycles, and ten million
-//! random operations in each rounding and overflow mode against exact rationals.
+//! random operations in each rounding and overflow mode against exact rationals, and a million random
+//! algorithms on tapes.
 
 use std::fs;
 
@@ -12,6 +13,8 @@ pub(crate) const MINUTES: u64 = 10;
 /// Cycles of random programs.
 const CYCLES: &str = "1000000000";
 
+/// Random algorithms.
+const TAPES: &str = "1000000";
 /// Random operations per rounding and overflow mode.
 const OPERATIONS: &str = "10000000";
 
@@ -28,6 +31,7 @@ pub(crate) fn soak(minutes: u64) -> Result<bool, String> {
     ];
     let mut is_good = run(cargo(&[&arguments[..], &["--", CYCLES]].concat()))?;
     is_good &= run(arithmetic())?;
+    is_good &= run(tapes())?;
     if !succeeds(fuzz(&["--version"])) {
         return Err("the fuzzer is missing; install it: cargo install cargo-fuzz".to_owned());
     }
@@ -53,6 +57,21 @@ pub(crate) fn soak(minutes: u64) -> Result<bool, String> {
         is_good &= run(fuzz(&fuzzing))?;
     }
     Ok(is_good)
+}
+
+/// Random algorithms: recorded as what they are, trials exact, no false proof.
+fn tapes() -> std::process::Command {
+    let test = [
+        "test",
+        "--release",
+        "-p",
+        "cardan-numerics",
+        "--test",
+        "random_tapes",
+    ];
+    let mut test = cargo(&[&test[..], &["--", "--nocapture"]].concat());
+    test.env("CARDAN_TAPES", TAPES);
+    test
 }
 
 /// Deployed rounding and the tunable arithmetic against exact rationals.

@@ -1,118 +1,12 @@
 //! Bounds of every write of a tape for any inputs within given bounds: interval arithmetic, rounded
 //! outward, with what earlier steps leave iterated to a fixed point.
 
-use cardan_datapath::{Format, Overflow};
+use cardan_datapath::Format;
 
-use super::{Entry, NO_NODE, Op, Ref, Tape};
+use super::{Entry, Interval, NO_NODE, Op, Ref, Tape};
 
 /// Iterations of the feedback before what still grows is given its format's whole range.
 const ITERATIONS: usize = 40;
-
-/// A closed interval; truths are within 0..=1.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Interval {
-    /// Lower end.
-    pub lo: f64,
-    /// Upper end.
-    pub hi: f64,
-}
-
-impl Interval {
-    /// From one end to the other.
-    #[must_use]
-    pub const fn new(lo: f64, hi: f64) -> Self {
-        Self { lo, hi }
-    }
-
-    pub(super) const ALL: Self = Self::new(f64::NEG_INFINITY, f64::INFINITY);
-    const TRUTH: Self = Self::new(0.0, 1.0);
-
-    /// Ends of a computed interval: one place outward, so that rounding of `f64` cannot hide a value.
-    fn outward(lo: f64, hi: f64) -> Self {
-        if lo.is_nan() || hi.is_nan() {
-            return Self::ALL;
-        }
-        Self::new(lo.next_down(), hi.next_up())
-    }
-
-    /// The smallest interval that holds both.
-    #[must_use]
-    pub const fn hull(self, other: Self) -> Self {
-        Self::new(self.lo.min(other.lo), self.hi.max(other.hi))
-    }
-
-    /// What lies in both. Each holds the same values, so that they meet; were it not so, the first.
-    pub(super) const fn meet(self, other: Self) -> Self {
-        let (lo, hi) = (self.lo.max(other.lo), self.hi.min(other.hi));
-        if lo <= hi { Self::new(lo, hi) } else { self }
-    }
-
-    /// Distance of its ends.
-    pub(super) fn width(self) -> f64 {
-        self.hi - self.lo
-    }
-
-    fn over_ends(self, other: Self, f: impl Fn(f64, f64) -> f64) -> Self {
-        let ends = [
-            f(self.lo, other.lo),
-            f(self.lo, other.hi),
-            f(self.hi, other.lo),
-            f(self.hi, other.hi),
-        ];
-        if ends.iter().any(|end| end.is_nan()) {
-            return Self::ALL;
-        }
-        let lo = ends.into_iter().fold(f64::INFINITY, f64::min);
-        let hi = ends.into_iter().fold(f64::NEG_INFINITY, f64::max);
-        Self::outward(lo, hi)
-    }
-
-    fn divided_by(self, divisor: Self) -> Self {
-        if divisor.lo <= 0.0 && divisor.hi >= 0.0 {
-            return Self::ALL;
-        }
-        self.over_ends(divisor, |a, b| a / b)
-    }
-
-    fn magnitude(self) -> Self {
-        let hi = self.lo.abs().max(self.hi.abs());
-        let contains_zero = self.lo <= 0.0 && self.hi >= 0.0;
-        let lo = if contains_zero {
-            0.0
-        } else {
-            self.lo.abs().min(self.hi.abs())
-        };
-        Self::new(lo, hi)
-    }
-
-    /// True if no value overflows `format`, in whatever way it is rounded.
-    #[must_use]
-    pub fn fits(self, format: Format) -> bool {
-        let Self { lo, hi } = self.on_grid(format);
-        lo >= format.real(format.min_raw()) && hi <= format.real(format.max_raw())
-    }
-
-    /// Both ends moved outward to multiples of the last place, which no rounding mode leaves.
-    pub(super) fn on_grid(self, format: Format) -> Self {
-        let lsb = format.lsb();
-        Self::new((self.lo / lsb).floor() * lsb, (self.hi / lsb).ceil() * lsb)
-    }
-
-    /// What a node of this format holds after a write of any of these values.
-    pub(super) fn quantised(self, format: Format) -> Self {
-        let whole = Self::new(format.real(format.min_raw()), format.real(format.max_raw()));
-        let Self { lo, hi } = self.on_grid(format);
-        if self.fits(format) {
-            return Self::new(lo, hi);
-        }
-        match format.overflow {
-            Overflow::Wrap => whole,
-            Overflow::Saturate | Overflow::Trap => {
-                Self::new(lo.clamp(whole.lo, whole.hi), hi.clamp(whole.lo, whole.hi))
-            }
-        }
-    }
-}
 
 /// Bounds of every node's writes before they are rounded and limited to its format; `None` for nodes
 /// that are never written. `ports` bounds the raw inputs of a step; values in `formats`.
@@ -335,10 +229,7 @@ fn value(op: Op<Interval>, format: Format) -> Interval {
             let real = libm::ldexp(raw.into(), -frac);
             Interval::new(real, real)
         }
-        Op::Constant(value) => {
-            let real = format.real(format.constant(value));
-            Interval::new(real, real)
-        }
+        Op::Constant(value) => Interval::of_word(format.constant(value), format),
         Op::Lookup(index, table) => {
             let last = table.len().saturating_sub(1) as f64;
             let place = |at: f64| at.floor().clamp(0.0, last) as usize;
@@ -352,10 +243,21 @@ fn value(op: Op<Interval>, format: Format) -> Interval {
         Op::Mul(a, b) => a.over_ends(b, |a, b| a * b),
         Op::Div(a, b) => a.divided_by(b),
         Op::Sqrt(a) => Interval::outward(a.lo.max(0.0).sqrt(), a.hi.max(0.0).sqrt()),
-        Op::Shift(a, power) => Interval::new(libm::ldexp(a.lo, power), libm::ldexp(a.hi, power)),
+        Op::Shift(a, power) => shifted(a, power),
         Op::Neg(a) => Interval::new(-a.hi, -a.lo),
         Op::Abs(a) => a.magnitude(),
         _ => Interval::ALL,
+    }
+}
+
+/// a 2^power; outward where the result has left the normal numbers.
+fn shifted(a: Interval, power: i32) -> Interval {
+    let (lo, hi) = (libm::ldexp(a.lo, power), libm::ldexp(a.hi, power));
+    let is_exact = |from: f64, to: f64| from == 0.0 || to.is_normal() || from.is_infinite();
+    if is_exact(a.lo, lo) && is_exact(a.hi, hi) {
+        Interval::new(lo, hi)
+    } else {
+        Interval::outward(lo, hi)
     }
 }
 

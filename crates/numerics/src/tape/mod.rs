@@ -8,20 +8,24 @@
 
 mod adjoint;
 mod affine;
+mod bound;
 mod build;
 mod interval;
 mod real;
 mod run;
+mod settings;
 mod trace;
 mod uncertainty;
 mod words;
 
 pub use adjoint::{Reals, gains};
 pub use affine::affine_bounds;
+pub use bound::Interval;
 pub use build::TraceError;
-pub use interval::{Interval, bounds};
+pub use interval::bounds;
 pub use real::Real;
 pub use run::{Domain, Runner};
+pub use settings::beyond;
 pub use uncertainty::{Expected, Raised, Uncertain, Uncertainty};
 pub use words::{Words, WriteCounts};
 pub(crate) use words::{compute, decide};
@@ -247,7 +251,17 @@ impl Tape {
     /// Index of the last write of `node` in a steady step.
     #[must_use]
     pub fn last_write(&self, node: usize) -> Option<usize> {
-        let written = |entry: &Entry| entry.node as usize == node && entry.op.is_recorded();
-        self.steady.iter().rposition(written)
+        last_write(&self.steady, node)
     }
+
+    /// Index of the last write of `node` in step `step`.
+    #[must_use]
+    pub fn last_write_in(&self, step: usize, node: usize) -> Option<usize> {
+        last_write(self.body(step), node)
+    }
+}
+
+fn last_write(body: &[Entry], node: usize) -> Option<usize> {
+    let written = |entry: &Entry| entry.node as usize == node && entry.op.is_recorded();
+    body.iter().rposition(written)
 }

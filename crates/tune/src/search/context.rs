@@ -37,6 +37,8 @@ pub(crate) struct Context<'a, 'p> {
     last_gain: u64,
     known: HashMap<Levels, Score>,
     journal: Option<Journal>,
+    /// Which search of several on one journal it is.
+    leg: u16,
     progress: &'p mut dyn FnMut(u64, Option<f64>),
 }
 
@@ -71,8 +73,44 @@ impl<'a, 'p> Context<'a, 'p> {
             last_gain: 0,
             known: HashMap::new(),
             journal,
+            leg: 0,
             progress,
         }
+    }
+
+    /// As search number `leg` after `evaluations`, which found these values of whole runs.
+    pub(crate) fn go_on(
+        &mut self,
+        leg: u16,
+        evaluations: u64,
+        known: impl Iterator<Item = (Levels, Vec<f64>)>,
+    ) {
+        self.leg = leg;
+        (self.evaluations, self.last_gain) = (evaluations, evaluations);
+        for (levels, values) in known {
+            let score = self.rated(values);
+            self.known.insert(levels, score);
+        }
+    }
+
+    /// Every choice that meets the limits, with the values of its constraints.
+    pub(crate) fn feasible(&self) -> Vec<(Levels, Vec<f64>)> {
+        let feasible = self.known.iter().filter(|(_, score)| score.is_feasible());
+        feasible
+            .map(|(levels, score)| (levels.clone(), score.values.clone()))
+            .collect()
+    }
+
+    /// The journal, for the next search.
+    pub(crate) fn into_journal(self) -> Option<Journal> {
+        self.journal
+    }
+
+    /// A choice as the journal knows it: runs end early by the limits of their own search.
+    fn entry(&self, levels: &Levels) -> Levels {
+        let mut entry = levels.clone();
+        entry.extend(self.leg.to_le_bytes());
+        entry
     }
 
     /// The cost of a choice.
@@ -151,11 +189,9 @@ impl<'a, 'p> Context<'a, 'p> {
         for levels in fresh {
             // What an interrupted search evaluated counts as it did then.
             self.evaluations += 1;
-            match self
-                .journal
-                .as_mut()
-                .and_then(|journal| journal.take(levels))
-            {
+            let entry = self.entry(levels);
+            let known = self.journal.as_mut();
+            match known.and_then(|journal| journal.take(&entry)) {
                 Some(values) => {
                     let score = self.rated(values);
                     self.known.insert(levels.clone(), score);
@@ -169,8 +205,9 @@ impl<'a, 'p> Context<'a, 'p> {
             .collect();
         let scores = self.pool.scores(&formats, true);
         for (levels, score) in wanted.into_iter().zip(scores) {
+            let entry = self.entry(&levels);
             if let Some(journal) = &mut self.journal {
-                journal.append(&levels, &score.values);
+                journal.append(&entry, &score.values);
             }
             self.known.insert(levels, score);
         }
@@ -207,10 +244,5 @@ impl<'a, 'p> Context<'a, 'p> {
             self.best = Some((levels.clone(), cost));
             self.last_gain = self.evaluations;
         }
-    }
-
-    /// Why the journal could not be written, if so.
-    pub(crate) fn journal_problem(&self) -> Option<String> {
-        self.journal.as_ref().and_then(Journal::problem)
     }
 }

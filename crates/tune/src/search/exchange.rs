@@ -7,7 +7,7 @@ use super::model::{BATCH, Model, settle};
 use crate::space::Levels;
 
 /// Spaces up to this size are looked through.
-const SMALL: f64 = 300_000.0;
+pub(crate) const SMALL: f64 = 300_000.0;
 /// Exchanges that are simulated before a choice counts as good, in larger spaces.
 const TRIED: usize = 64;
 /// Groups that lose, and groups that gain, among which exchanges are made.

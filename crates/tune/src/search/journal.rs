@@ -54,7 +54,7 @@ struct Record {
     values: Vec<u64>,
 }
 
-const VERSION: u32 = 1;
+const VERSION: u32 = 2;
 
 /// An open journal.
 pub(crate) struct Journal {

@@ -11,6 +11,7 @@ mod shake;
 use serde::Serialize;
 
 pub(crate) use context::{Context, Limits};
+pub(crate) use exchange::SMALL;
 pub(crate) use journal::Journal;
 pub use journal::JournalError;
 
@@ -51,12 +52,13 @@ pub(crate) fn search(
     method: Method,
     context: &mut Context<'_, '_>,
     start: Option<&Levels>,
+    kind: Kind,
     seed: u64,
 ) -> Result<(), SpaceError> {
     match method {
         Method::Sensitivity => {
             let mut model = Model::new(context, seed);
-            model::run(context, &mut model, start, seed);
+            model::run(context, &mut model, start, kind, seed);
         }
         Method::MaxMinusOne => greedy::down(context, start),
         Method::MinPlusOne => greedy::up(context),
@@ -66,7 +68,30 @@ pub(crate) fn search(
     Ok(())
 }
 
-/// Searches near `start`, a good choice for limits that are 2^bits times wider.
-pub(crate) fn search_near(context: &mut Context<'_, '_>, start: &Levels, bits: i32, seed: u64) {
-    model::shifted(context, start, bits, seed);
+/// How far a search goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// From nothing to the end.
+    Whole,
+    /// From nothing, as the first of several.
+    First,
+    /// From a good choice for somewhat tighter limits: down, exchanges, shakes.
+    Thorough,
+    /// From such a choice down.
+    Near,
+}
+
+/// Goes on from `start`, a good choice for somewhat tighter limits.
+pub(crate) fn search_on(
+    method: Method,
+    context: &mut Context<'_, '_>,
+    start: Option<&Levels>,
+    kind: Kind,
+    seed: u64,
+) {
+    match (method, start) {
+        (Method::MinPlusOne, _) => greedy::up(context),
+        (Method::Sensitivity, Some(start)) => model::go_on(context, start, kind, seed),
+        (_, start) => greedy::down(context, start),
+    }
 }

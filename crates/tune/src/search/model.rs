@@ -3,7 +3,7 @@
 
 use cardan_numerics::tape::Tape;
 
-use super::{Context, exchange, shake};
+use super::{Context, Kind, exchange, shake};
 use crate::budget::{Measure, Statistic, Subject};
 use crate::noise::{Gains, gains_to};
 use crate::space::Levels;
@@ -143,32 +143,24 @@ impl<'a> Model<'a> {
     }
 }
 
-/// A choice for limits `2^-bits` times those of `start`: every group that the model sees is moved by
-/// as many bits, then repaired and settled.
-pub(super) fn shifted(context: &mut Context<'_, '_>, start: &Levels, bits: i32, seed: u64) {
+/// From `start`, a good choice for somewhat tighter limits, down; then out of local optima.
+pub(super) fn go_on(context: &mut Context<'_, '_>, start: &Levels, kind: Kind, seed: u64) {
+    if !context
+        .score(start)
+        .is_some_and(|score| score.is_feasible())
+    {
+        return;
+    }
     let mut model = Model::new(context, seed);
-    let widest = context.space.widest();
-    let move_by = |context: &Context<'_, '_>, model: &Model<'_>, bits: i32| -> Levels {
-        let level = |group: usize| {
-            let own = i32::from(start[group]);
-            if model.gain(&context.space.groups[group].nodes) == 0.0 {
-                return start[group];
-            }
-            (own + bits).clamp(0, widest[group].into()).unsigned_abs() as u8
-        };
-        (0..start.len()).map(level).collect()
-    };
-    // One bit up at a time until simulation agrees.
-    for extra in 0..4 {
-        let mut levels = move_by(context, &model, bits + extra);
-        if context
-            .score(&levels)
-            .is_some_and(|score| score.is_feasible())
-        {
-            model.calibrate(context, &levels);
-            settle(context, &mut model, &mut levels);
-            return;
-        }
+    let mut levels = start.clone();
+    model.calibrate(context, &levels);
+    if kind == Kind::Thorough {
+        descend(context, &mut levels);
+    }
+    settle(context, &mut model, &mut levels);
+    if kind == Kind::Thorough {
+        exchange::run(context, &mut model, &mut levels);
+        shake::run(context, &mut model, &mut levels, seed);
     }
 }
 
@@ -182,6 +174,7 @@ pub(super) fn run(
     context: &mut Context<'_, '_>,
     model: &mut Model<'_>,
     start: Option<&Levels>,
+    kind: Kind,
     seed: u64,
 ) {
     let Some(mut levels) = begin(context, model, start) else {
@@ -197,8 +190,10 @@ pub(super) fn run(
     }
     descend(context, &mut levels);
     settle(context, model, &mut levels);
-    exchange::run(context, model, &mut levels);
-    shake::run(context, model, &mut levels, seed);
+    if kind == Kind::Whole {
+        exchange::run(context, model, &mut levels);
+        shake::run(context, model, &mut levels, seed);
+    }
 }
 
 /// Steepest descent by simulation: every single step down is tried, and those that stretch the limits

@@ -1,57 +1,32 @@
 //! The Pareto front: the best choice for tighter and looser limits.
 
-use super::{Progress, Run};
+use super::ladder::Ladder;
+use super::{Progress, Run, TuneError};
 use crate::budget::{Budget, Constraint, Measure};
 use crate::outcome::Point;
-use crate::pool::Pool;
-use crate::search::{Context, Limits, search_near};
-use crate::space::Levels;
 
 impl Run<'_> {
-    /// The best choice for scaled limits.
+    /// The best choice for limits times `margin` and the factors of the options.
     pub(super) fn pareto(
-        &mut self,
-        start: &Levels,
+        &self,
+        ladder: &mut Ladder,
+        margin: f64,
         progress: &mut dyn FnMut(Progress),
-    ) -> Vec<Point> {
-        const EVALUATIONS: u64 = 1200;
+    ) -> Result<Vec<Point>, TuneError> {
+        let mut factors = self.options.pareto.clone();
+        factors.sort_by(f64::total_cmp);
         let mut points: Vec<Point> = Vec::new();
-        for &factor in &self.options.pareto {
-            let budget = scaled(self.budget, factor);
-            let pool = Pool::new(self.problem, &budget, self.prepared, self.options.threads);
-            let mut report = |evaluations: u64, best: Option<f64>| {
-                progress(Progress {
-                    stage: "front",
-                    evaluations,
-                    best,
-                });
-            };
-            let limits = Limits {
-                evaluations: Some(EVALUATIONS),
-                ..Limits::default()
-            };
-            let mut context = Context::new(
-                self.problem,
-                &budget,
-                self.prepared,
-                self.space,
-                &self.options.cost,
-                &pool,
-                limits,
-                None,
-                &mut report,
-            );
-            let bits = -libm::log2(factor).floor() as i32;
-            search_near(&mut context, start, bits, self.options.seed);
-            let Some((levels, cost)) = &context.best else {
+        for factor in factors {
+            let found = self.climb(ladder, margin * factor, "front", progress)?;
+            let Some((levels, cost)) = found else {
                 continue;
             };
-            let formats = self.space.formats(levels);
+            let formats = self.space.formats(&levels);
             let candidate = self.candidate("front", &formats);
             points.push(Point {
                 limit_factor: factor,
                 bits: candidate.bits,
-                cost: *cost,
+                cost,
                 error: candidate.error,
                 formats: candidate.formats,
             });
@@ -66,12 +41,12 @@ impl Run<'_> {
                 front.push(point);
             }
         }
-        front
+        Ok(front)
     }
 }
 
 /// The budget with its error limits times `factor`.
-fn scaled(budget: &Budget, factor: f64) -> Budget {
+pub(super) fn scaled(budget: &Budget, factor: f64) -> Budget {
     let scale = |constraint: &Constraint| {
         let limit = match constraint.measure {
             Measure::Error(..) | Measure::Lsb(_) => constraint.limit * factor,

@@ -2,31 +2,45 @@
 
 mod front;
 mod inputs;
+mod ladder;
 mod options;
+mod own;
 mod relax;
+mod rounds;
 mod target;
 mod trim;
+mod uniform;
+mod verify;
 
 use self::inputs::{prepare, unexcited, unraised};
 pub use self::options::Options;
 
-use std::time::{Duration, Instant};
+use std::ops::Range;
+use std::time::Instant;
 
 use cardan_datapath::Format;
 
+use self::ladder::Ladder;
+use self::rounds::Found;
+use self::uniform::Uniform;
 use crate::budget::{Budget, Constraint, Measure};
 use crate::cost::{Coefficients, Cost, area, bits, counts};
-use crate::evaluate::{Evaluator, Prepared, Score};
+use crate::design::wraps_by_design;
+use crate::evaluate::{Prepared, Score};
 use crate::noise::sensitivities;
-use crate::outcome::{Candidate, NamedFormats, OnTarget, Outcome, Reached, Verification};
+use crate::outcome::{Candidate, NamedFormats, OnTarget, Outcome, Reached};
 use crate::pool::Pool;
-use crate::problem::Problem;
+use crate::problem::{Case, Problem};
 use crate::ranges::{Ranges, ranges};
-use crate::search::{Context, Journal, JournalError, Limits, Method, search};
-use crate::space::{LONGEST, Levels, Restrictions, Space, SpaceError, builds};
+use crate::search::{Journal, JournalError, Method};
+use crate::space::{LONGEST, Restrictions, Space, SpaceError, builds};
 
 /// Builds formats and measures them on the target.
 pub type OnTargetFn<'a> = dyn Fn(&[Format]) -> Result<OnTarget, TuneError> + 'a;
+
+/// Records fresh runs of the same kind as those tuned on, by their numbers from 0: runs that nothing was
+/// tuned on.
+pub type FreshFn<'a> = dyn Fn(Range<u64>) -> Result<Vec<Case>, TuneError> + 'a;
 
 /// Progress of the search.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -73,8 +87,24 @@ pub fn tune(
     on_target: Option<&OnTargetFn<'_>>,
     progress: &mut dyn FnMut(Progress),
 ) -> Result<Outcome, TuneError> {
+    tune_with(problem, options, (on_target, None), progress)
+}
+
+/// As [`tune`], with a source of fresh runs: the result is verified on `options.fresh` of them, with
+/// statistics; when it does not hold, the search is done again for tighter limits and verified on
+/// others.
+///
+/// # Errors
+/// As [`tune`], and fresh runs that cannot be recorded.
+pub fn tune_with(
+    problem: &Problem,
+    options: &Options,
+    (on_target, fresh): (Option<&OnTargetFn<'_>>, Option<&FreshFn<'_>>),
+    progress: &mut dyn FnMut(Progress),
+) -> Result<Outcome, TuneError> {
     let begin = Instant::now();
     let budget = Budget::parse(&options.budget, problem)?;
+    let by_design = wraps_by_design(problem);
     let found = ranges(problem, options.guard_bits, 0, options.seed);
     let restrictions = Restrictions {
         locked: options.locked.clone(),
@@ -82,43 +112,53 @@ pub fn tune(
         widths: options.effective_widths(),
     };
     let integer = found.nodes.iter().map(|range| range.integer).collect();
-    let mut plain = Space::new(problem, integer, &restrictions)?;
+    let mut plain = Space::new(problem, integer, &restrictions, &by_design)?;
     let prepared = prepare(problem)?;
-    let pool = Pool::new(problem, &budget, &prepared, options.threads);
-    let trimmed = trim::trimmed(problem, &prepared, &pool, &found, &plain);
+    let pool = Pool::new(problem, &budget, &prepared, &by_design, options.threads);
+    let trimmed = trim::trimmed(problem, &prepared, (&budget, &pool), &found, &plain);
     let mut space = plain.with_integer(&trimmed);
     if matches!(options.cost, Cost::Cycles(_)) {
         (plain, space) = (plain.in_containers(problem), space.in_containers(problem));
     }
+    let uniforms = uniform::all(options, &pool, [&plain, &space]);
     let mut run = Run {
         problem,
         options,
         budget: &budget,
+        by_design: &by_design,
         plain: &plain,
         space: &space,
         prepared: &prepared,
         pool: &pool,
+        uniforms,
         on_target,
+        fresh,
+        begin,
         warnings: unexcited(&found)
             .chain(unraised(problem, &prepared))
             .collect(),
         evaluations: 0,
         measured: Vec::new(),
     };
-    run.tune(&found, begin, progress)
+    run.tune(&found, progress)
 }
 
 struct Run<'a> {
     problem: &'a Problem,
     options: &'a Options,
     budget: &'a Budget,
+    /// Per node, whether wrapping is right.
+    by_design: &'a [bool],
     /// The choices with the integer bits of the ranges.
     plain: &'a Space,
     /// Those with the integer bits that are left after trimming.
     space: &'a Space,
     prepared: &'a [Prepared<'a>],
     pool: &'a Pool<'a>,
+    uniforms: Vec<Uniform>,
     on_target: Option<&'a OnTargetFn<'a>>,
+    fresh: Option<&'a FreshFn<'a>>,
+    begin: Instant,
     warnings: Vec<String>,
     evaluations: u64,
     measured: Vec<Candidate>,
@@ -128,94 +168,145 @@ impl Run<'_> {
     fn tune(
         &mut self,
         ranges: &Ranges,
-        begin: Instant,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, TuneError> {
         let baseline = self.candidate("uniform 32 bit", &self.plain.uniform(LONGEST));
-        let uniform = self.best_uniform();
-        let (levels, feasible) = self.search(uniform.as_ref(), progress)?;
-        let mut formats = self.space.formats(&levels);
-        if let Some((_, uniform)) = &uniform
-            && (!feasible || self.cost(uniform) < self.cost(&formats))
-        {
-            // A length shorter than a range: the groups' own choices do not hold it.
-            formats.clone_from(uniform);
+        let deployed = self.candidate("deployed", &self.problem.deployed());
+        let mut ladder = Ladder::default();
+        if let Some(path) = &self.options.journal {
+            let (journal, note) = Journal::open(path, &self.options.identity(self.problem))?;
+            self.warnings.extend(note);
+            ladder.journal = Some(journal);
         }
-        let feasible = feasible || uniform.is_some();
+        let mut found = self.verified(&mut ladder, progress)?;
         let mut pareto = Vec::new();
-        if feasible {
-            pareto = self.pareto(&levels, progress);
-            // A search that was ended early may be behind its own front.
-            let within = pareto.iter().filter(|point| point.limit_factor <= 1.0);
-            let cheapest = within.min_by(|a, b| a.cost.total_cmp(&b.cost));
-            if let Some(point) = cheapest.filter(|point| point.cost < self.cost(&formats)) {
-                formats = point.formats.0.iter().map(|(_, format)| *format).collect();
-            }
-            self.relax(&mut formats);
+        if found.feasible {
+            pareto = self.pareto(&mut ladder, found.margin, progress)?;
         }
-        let mut best = self.candidate("best", &formats);
-        let mut best_uniform =
-            uniform.map(|(word, formats)| self.candidate(&format!("uniform {word} bit"), &formats));
+        self.evaluations += ladder.evaluations;
+        let journal_problem = ladder.journal.as_ref().and_then(Journal::problem);
+        self.warnings
+            .extend(journal_problem.map(|what| format!("the journal is not kept: {what}")));
+        let mut best = self.candidate("best", &found.formats);
+        let uniform = self
+            .uniform_at(found.margin)
+            .or_else(|| self.uniform_at(1.0));
+        let mut best_uniform = uniform.map(|uniform| {
+            let name = format!("uniform {} bit", uniform.word);
+            (
+                self.candidate(&name, &uniform.formats),
+                uniform.formats.clone(),
+            )
+        });
         let by_cycles = matches!(self.options.cost, Cost::Cycles(_));
         if by_cycles || self.budget.needs_target() {
+            let formats = found.formats.clone();
             self.measured_if_it_fits(&mut best, &formats)?;
-            if let Some(uniform) = &mut best_uniform {
-                let formats: Vec<Format> = uniform.formats.0.iter().map(|(_, f)| *f).collect();
-                if builds(self.problem, &formats) {
-                    self.measured_if_it_fits(uniform, &formats)?;
-                }
+            if let Some((uniform, formats)) = &mut best_uniform
+                && builds(self.problem, formats)
+            {
+                self.measured_if_it_fits(uniform, formats)?;
             }
         }
         if by_cycles {
-            (best, formats) = self.cheapest_measured(best, formats)?;
+            let searched = found.formats.clone();
+            (best, found.formats) = self.cheapest_measured(best, searched.clone())?;
             if best.cycles.is_none() {
                 return Err(TuneError::Target(format!(
                     "no candidate could be built for the target: {}",
                     self.warnings.last().map_or("", String::as_str)
                 )));
             }
+            if found.formats != searched {
+                found.checked = self.check(&found.formats, &found.fresh);
+            }
         }
         let stretched = |reached: &&Reached| reached.ratio.is_none_or(|ratio| ratio > 1.0);
-        let on_target_missed = best
-            .reached
-            .iter()
-            .find(stretched)
-            .map(|r| r.constraint.clone());
-        let feasible = feasible && on_target_missed.is_none();
+        let is_missed = best.reached.iter().any(|reached| stretched(&reached));
+        let feasible = found.feasible && !is_missed;
         let binding = (!feasible).then(|| worst(&best)).flatten();
         if !feasible {
             pareto.clear();
         }
-        let verification = self.verify(&formats);
-        let verified = verification.iter().all(|case| case.pass);
-        if feasible && !verified {
-            self.warnings.push(
-                "the result misses the budget on held-out inputs: tune on a longer or richer run, or \
-                 leave a margin in the budget"
-                    .into(),
-            );
-        }
+        self.told(&found, feasible);
+        let reason = if feasible { None } else { self.own_error() };
+        let methods = Method::ALL.iter();
+        let name = methods.filter(|(method, _)| *method == self.options.method);
         Ok(Outcome {
             feasible,
-            verified: feasible && verified,
+            verified: feasible && found.checked.holds,
             binding,
-            method: Method::ALL
-                .iter()
-                .find(|(method, _)| *method == self.options.method)
-                .map_or("", |(_, name)| name),
+            reason,
+            method: name.map(|(_, name)| *name).next().unwrap_or_default(),
             cost: self.options.cost.name(),
             evaluations: self.evaluations,
-            seconds: begin.elapsed().as_secs_f64(),
+            seconds: self.begin.elapsed().as_secs_f64(),
             baseline,
-            best_uniform,
+            deployed,
+            best_uniform: best_uniform.map(|(candidate, _)| candidate),
             best,
             pareto,
             measured: std::mem::take(&mut self.measured),
-            verification,
-            sensitivities: sensitivities(self.problem, &formats, true, self.options.seed),
+            verification: found.checked.verification,
+            statistics: found.checked.statistics,
+            tolerances: found.checked.tolerances,
+            proven: self.proven(&found.formats),
+            assumptions: self.assumptions(),
+            sensitivities: sensitivities(self.problem, &found.formats, true, self.options.seed),
             ranges: ranges.nodes.clone(),
             warnings: std::mem::take(&mut self.warnings),
         })
+    }
+
+    /// Whether the limits times `margin` are met.
+    fn is_within(&self, score: &Score, margin: f64) -> bool {
+        let budget = front::scaled(self.budget, margin);
+        let mut pairs = budget.0.iter().zip(&score.values);
+        pairs.all(|(c, &value)| value == f64::NEG_INFINITY || c.ratio(value) <= 1.0)
+    }
+
+    /// Warns of what does not hold.
+    fn told(&mut self, found: &Found, feasible: bool) {
+        if feasible && !found.checked.holds {
+            self.warnings.push(
+                "the result is not verified: it misses the budget on runs that it was not tuned on; tune \
+                 on more runs, or give a looser budget"
+                    .into(),
+            );
+        }
+        let beyond = self.beyond(&found.formats);
+        for (value, (name, format)) in beyond.iter().zip(
+            self.problem
+                .nodes
+                .iter()
+                .zip(&found.formats)
+                .map(|(n, f)| (n.name, f)),
+        ) {
+            if let Some(value) = value {
+                self.warnings.push(format!(
+                    "node '{name}': the constant {value} is beyond its {} bits and saturates",
+                    format.word
+                ));
+            }
+        }
+    }
+
+    /// What proofs assume of the inputs.
+    fn assumptions(&self) -> Vec<String> {
+        let mut all: Vec<String> = Vec::new();
+        for case in self.problem.cases() {
+            for (port, (lo, hi)) in case.ports.iter().enumerate() {
+                let told = if (*lo, *hi) == (i32::MIN, i32::MAX) {
+                    format!("port {port}: anything")
+                } else {
+                    format!("port {port}: raw {lo} to {hi}")
+                };
+                if !all.contains(&told) {
+                    all.push(told);
+                }
+            }
+        }
+        all
     }
 
     fn cost(&self, formats: &[Format]) -> f64 {
@@ -254,126 +345,6 @@ impl Run<'_> {
             ..Candidate::default()
         }
     }
-
-    /// The uniform word length that meets the budget at the least cost: with the integer bits of the
-    /// ranges, or with trimmed ones.
-    fn best_uniform(&mut self) -> Option<(u32, Vec<Format>)> {
-        let mut all = self.options.effective_widths();
-        if all.is_empty() {
-            all = (1..=LONGEST).collect();
-        }
-        let each = all
-            .iter()
-            .flat_map(|&word| [self.plain, self.space].map(|space| (word, space.uniform(word))));
-        let (words, batch): (Vec<u32>, Vec<Vec<Format>>) = each.unzip();
-        let scores = self.pool.scores(&batch, true);
-        let feasible = words
-            .into_iter()
-            .zip(batch)
-            .zip(&scores)
-            .filter(|(_, score)| score.is_feasible());
-        feasible.map(|(found, _)| found).min_by(|a, b| {
-            self.cost(&a.1)
-                .total_cmp(&self.cost(&b.1))
-                .then(a.0.cmp(&b.0))
-        })
-    }
-
-    /// Runs the search; the best formats, or the closest, and whether they meet the budget.
-    fn search(
-        &mut self,
-        uniform: Option<&(u32, Vec<Format>)>,
-        progress: &mut dyn FnMut(Progress),
-    ) -> Result<(Levels, bool), TuneError> {
-        let journal = match &self.options.journal {
-            None => None,
-            Some(path) => {
-                let (journal, note) = Journal::open(path, &self.options.identity(self.problem))?;
-                self.warnings.extend(note);
-                Some(journal)
-            }
-        };
-        let limits = Limits {
-            evaluations: self.options.evaluations,
-            time: self
-                .options
-                .seconds
-                .and_then(|s| Duration::try_from_secs_f64(s).ok()),
-            patience: self.options.patience,
-        };
-        let mut report = |evaluations: u64, best: Option<f64>| {
-            progress(Progress {
-                stage: "search",
-                evaluations,
-                best,
-            });
-        };
-        let mut context = Context::new(
-            self.problem,
-            self.budget,
-            self.prepared,
-            self.space,
-            &self.options.cost,
-            self.pool,
-            limits,
-            journal,
-            &mut report,
-        );
-        let start = uniform.and_then(|(word, _)| uniform_levels(self.space, *word));
-        if let Some(start) = &start {
-            context.score(start);
-        }
-        search(
-            self.options.method,
-            &mut context,
-            start.as_ref(),
-            self.options.seed,
-        )?;
-        self.evaluations = context.evaluations;
-        self.warnings.extend(
-            context
-                .journal_problem()
-                .map(|what| format!("the journal is not kept: {what}")),
-        );
-        let widest = self.space.widest();
-        Ok(match (context.best, context.closest) {
-            (Some((levels, _)), _) => (levels, true),
-            (None, Some((levels, _))) => (levels, false),
-            (None, None) => (widest, false),
-        })
-    }
-
-    /// The result on every case, held-out ones included, to their ends.
-    fn verify(&self, formats: &[Format]) -> Vec<Verification> {
-        let held_out: Vec<Prepared<'_>> = self
-            .problem
-            .held_out
-            .iter()
-            .map(|case| Prepared::new(self.problem, case))
-            .collect();
-        let score = |one: &Prepared<'_>| {
-            let case = std::slice::from_ref(one);
-            let score = Evaluator::new(self.problem, self.budget, case).score(formats, false);
-            (one.case.name.clone(), score)
-        };
-        let tuned: Vec<(String, Score)> = self.prepared.iter().map(score).collect();
-        let largest = tuned
-            .iter()
-            .fold(0.0, |worst: f64, (_, s)| worst.max(s.ratio));
-        let held: Vec<(String, Score)> = held_out.iter().map(score).collect();
-        let all = tuned
-            .iter()
-            .map(|one| (one, false))
-            .chain(held.iter().map(|one| (one, true)));
-        all.map(|((case, score), held_out)| Verification {
-            case: case.clone(),
-            held_out,
-            reached: reached(&self.budget.0, &score.values),
-            pass: score.is_feasible(),
-            over_tuning: (held_out && largest > 0.0).then_some(score.ratio / largest),
-        })
-        .collect()
-    }
 }
 
 /// The name of the constraint that a candidate stretches most.
@@ -401,12 +372,4 @@ fn reached(constraints: &[Constraint], values: &[f64]) -> Vec<Reached> {
         }
     };
     constraints.iter().zip(values).map(one).collect()
-}
-
-fn uniform_levels(space: &Space, word: u32) -> Option<Levels> {
-    let level = |group: &crate::space::Group| {
-        let at = group.widths.iter().position(|&width| width >= word)?;
-        u8::try_from(at).ok()
-    };
-    space.groups.iter().map(level).collect()
 }

@@ -35,6 +35,8 @@ pub struct Options {
     pub patience: Option<u64>,
     /// Where evaluations are kept for a later continuation.
     pub journal: Option<PathBuf>,
+    /// Fresh runs per round of verification, where a source of them is given.
+    pub fresh: u64,
     /// Factors on the limits for the Pareto front.
     pub pareto: Vec<f64>,
 }
@@ -57,6 +59,7 @@ impl Options {
             seconds: None,
             patience: None,
             journal: None,
+            fresh: 20,
             pareto: vec![4.0, 2.0, 1.0, 0.5, 0.25],
         }
     }

@@ -21,7 +21,7 @@ impl Run<'_> {
             return Ok(cheapest);
         }
         let mut relaxed = deployed.clone();
-        self.relax(&mut relaxed);
+        self.relax(&mut relaxed, 1.0);
         for (name, formats) in [("deployed", deployed), ("deployed, relaxed", relaxed)] {
             if self.measured.iter().any(|known| known.formats.is(&formats)) {
                 continue;

@@ -2,19 +2,21 @@
 
 use std::fmt::Write as _;
 
-use cardan_tune::{Candidate, Outcome};
+use cardan_tune::output::told;
+use cardan_tune::{Candidate, Outcome, Verification};
 
 /// Nodes that are listed by their share of the error.
 const LISTED: usize = 10;
 
 pub(super) fn render(outcome: &Outcome) -> String {
-    let mut out = String::new();
+    let mut out = verdict(outcome);
     let _ = writeln!(
         out,
         "{:<20} {:>6} {:>7} {:>10} {:>12}",
         "", "bits", "saved", "cycles", "error"
     );
     row(&mut out, &outcome.baseline, outcome.baseline.bits);
+    row(&mut out, &outcome.deployed, outcome.baseline.bits);
     if let Some(uniform) = &outcome.best_uniform {
         row(&mut out, uniform, outcome.baseline.bits);
     }
@@ -40,7 +42,11 @@ pub(super) fn render(outcome: &Outcome) -> String {
             point.limit_factor, point.bits
         );
     }
-    for case in outcome.verification.iter().filter(|case| case.held_out) {
+    if let Some(found) = &outcome.statistics {
+        let _ = writeln!(out, "{}", told(found));
+    }
+    let shown = |case: &&Verification| case.held_out && !(case.fresh && case.pass);
+    for case in outcome.verification.iter().filter(shown) {
         let over = case
             .over_tuning
             .map_or("-".to_owned(), |over| format!("{over:.2}"));
@@ -54,19 +60,56 @@ pub(super) fn render(outcome: &Outcome) -> String {
             "held out, {}: {verdict}, {over} times the error tuned on",
             case.case
         );
+        let differing = case.flags.iter().filter(|flag| flag.differing > 0);
+        for flag in differing {
+            let _ = writeln!(
+                out,
+                "  status bit {:#06x}: raised {} times, {} on real numbers, {} solutions differ",
+                flag.bit, flag.tuned, flag.real, flag.differing
+            );
+        }
     }
     let _ = match &outcome.binding {
         None => write!(
             out,
-            "budget met after {} candidates in {:.1} s",
+            "met on the runs tuned on after {} candidates in {:.1} s",
             outcome.evaluations, outcome.seconds
         ),
-        Some(binding) => write!(
+        Some(_) => write!(
             out,
-            "budget NOT met: {binding} is missed even by the closest point above ({} candidates, {:.1} s)",
+            "{} candidates in {:.1} s",
             outcome.evaluations, outcome.seconds
         ),
     };
+    out
+}
+
+/// What does not hold comes first.
+fn verdict(outcome: &Outcome) -> String {
+    let mut out = String::new();
+    if let Some(binding) = &outcome.binding {
+        let _ = writeln!(
+            out,
+            "budget NOT met: {binding} is missed even by the closest point below"
+        );
+        if let Some(reason) = &outcome.reason {
+            let _ = writeln!(out, "  {reason}");
+        }
+    } else if outcome.verified {
+        let _ = writeln!(
+            out,
+            "budget met, verified on runs that nothing was tuned on"
+        );
+    } else {
+        let missed = outcome.verification.iter().filter(|case| !case.pass);
+        let _ = writeln!(
+            out,
+            "NOT VERIFIED: the budget is met on the runs tuned on, and does not hold on others ({} of \
+             {} runs miss it)",
+            missed.count(),
+            outcome.verification.len()
+        );
+    }
     out
 }
 
@@ -74,6 +117,7 @@ fn row(out: &mut String, candidate: &Candidate, baseline: u64) {
     let saved = 100.0 * (1.0 - candidate.bits as f64 / baseline as f64);
     let cycles = match (candidate.cycles, candidate.cycles_estimated) {
         (Some(cycles), _) => format!("{cycles:.0}"),
+        // The model's estimate.
         (None, Some(estimated)) => format!("~{estimated:.0}"),
         (None, None) => "-".to_owned(),
     };

@@ -359,7 +359,7 @@ fn both(a: Option<i32>, b: Option<i32>, f: impl Fn(i32, i32) -> i32) -> Option<i
 
 /// The form after it is rounded and limited; `computed` bounds it before. `None` if it may wrap.
 fn written(form: Form, computed: Interval, format: Format, exact: bool) -> Option<Form> {
-    let whole = Interval::new(format.real(format.min_raw()), format.real(format.max_raw()));
+    let whole = Interval::whole(format);
     let form = match format.overflow {
         _ if computed.fits(format) => form,
         Overflow::Wrap => return None,
