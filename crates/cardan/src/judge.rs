@@ -6,9 +6,11 @@ use cardan_bench::app::{Evidence, Feed};
 use cardan_bench::{App, Conversion, Engine, EngineError, Sink, SinkError};
 use cardan_compare::{
     Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, Limit, LinkStatistics,
-    Messages, Node, Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance,
+    Messages, Node, Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance, TunedError,
+    TunedTo,
 };
 use cardan_datapath::NodeInfo;
+use cardan_datapath::wordlengths::Tuned;
 use cardan_golden::Angles;
 use cardan_outputs::{Check, Message, Status};
 use cardan_scenario::scenario::Tolerance as ScenarioTolerance;
@@ -74,6 +76,10 @@ pub(crate) fn without_shares(
             .iter()
             .map(|remark| ("remark".to_owned(), remark.clone())),
     );
+    for text in setup.tuned.iter().flat_map(|tuned| tuned_to(tuned).unjudged) {
+        let remark = format!("tuned to {text}, which a comparison does not measure");
+        provenance.push(("remark".to_owned(), remark));
+    }
     if let Some(crash) = &summary.crash {
         provenance.push(("crash".to_owned(), crash.clone()));
     }
@@ -95,6 +101,7 @@ pub(crate) fn without_shares(
         checks: checks(setup, collected)?,
         stage_limits: stage_limits(&setup.scenario.tolerance),
         most_flagged: most_flagged(&setup.scenario.tolerance),
+        tuned: setup.tuned.as_ref().map(tuned_to),
         truth_tolerance,
         emulator: EmulatorStatistics {
             cycles: summary.cycles,
@@ -257,6 +264,7 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
                 .copied()
                 .unwrap_or(0),
             tolerance: set_tolerance(setup, info.name),
+            tuned: tuned_tolerance(setup, info.name),
             allowance: allowance(&bundled, info.name),
         })
     };
@@ -270,6 +278,42 @@ fn set_tolerance(setup: &Setup, node: &str) -> Option<Tolerance> {
         max_abs,
         reason: "set by the scenario".to_owned(),
     })
+}
+
+/// The tolerance that the word-length file states.
+fn tuned_tolerance(setup: &Setup, node: &str) -> Option<Tolerance> {
+    let all = &setup.tuned.as_ref()?.tolerance;
+    let stated = all.iter().find(|stated| stated.node == node)?;
+    Some(Tolerance {
+        max_abs: stated.max,
+        reason: "stated by the word-length file".to_owned(),
+    })
+}
+
+/// The budget of a word-length file, as far as a comparison measures it.
+fn tuned_to(tuned: &Tuned) -> TunedTo {
+    let mut to = TunedTo::default();
+    for text in &tuned.budget {
+        let parsed = text
+            .split_once("<=")
+            .and_then(|(measure, limit)| Some((measure.trim(), limit.trim().parse::<f64>().ok()?)));
+        match parsed {
+            Some(("flags", limit)) => to.most_status = limit,
+            Some((measure, most_deg)) if !measure.starts_with("truth.") => {
+                match measure.split_once('.') {
+                    Some((subject, statistic)) => to.errors.push(TunedError {
+                        text: text.clone(),
+                        subject: subject.to_owned(),
+                        statistic: statistic.to_owned(),
+                        most_deg,
+                    }),
+                    None => to.unjudged.push(text.clone()),
+                }
+            }
+            _ => to.unjudged.push(text.clone()),
+        }
+    }
+    to
 }
 
 fn allowance(bundled: &[cardan_bench::app::Tolerance], node: &str) -> Option<Tolerance> {

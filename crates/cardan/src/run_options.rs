@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use cardan_bench::App;
 use cardan_bench::app::by_name;
 use cardan_bench::image::Firmware;
-use cardan_datapath::{Format, table_hash, wordlengths};
+use cardan_datapath::wordlengths::{self, Tuned};
+use cardan_datapath::{Format, table_hash};
 use cardan_scenario::Scenario;
 use cardan_scenario::third_tilt;
 use clap::Args;
@@ -70,6 +71,8 @@ pub(crate) struct Setup {
     pub(crate) firmware: Firmware,
     /// Formats of the native run when they are not the deployed ones.
     pub(crate) formats: Option<Vec<Format>>,
+    /// What the formats were tuned to, as their file says.
+    pub(crate) tuned: Option<Tuned>,
     /// Hash of the formats in use.
     pub(crate) formats_hash: u64,
     pub(crate) seconds: f64,
@@ -83,7 +86,7 @@ impl RunOptions {
         let Some(file) = &self.wordlengths else {
             return Ok((app, None, app.formats_hash()));
         };
-        let formats = read_wordlengths(file, app)?;
+        let (formats, _) = read_wordlengths(file, app)?;
         let mut table = app.nodes().to_vec();
         for (node, format) in table.iter_mut().zip(&formats) {
             node.format = *format;
@@ -107,6 +110,10 @@ impl RunOptions {
 
     fn resolve_with(&self, tapped: bool) -> Result<Setup, Failure> {
         let (app, formats, formats_hash) = self.app_and_formats()?;
+        let tuned = match &self.wordlengths {
+            Some(file) => read_wordlengths(file, app)?.1,
+            None => None,
+        };
         let mut scenario = Scenario::load(&self.scenario).map_err(Failure::input)?;
         if let Some(file) = &self.recording {
             scenario = scenario.with_recording(file);
@@ -138,6 +145,7 @@ impl RunOptions {
             scenario,
             firmware,
             formats,
+            tuned,
             formats_hash,
             seconds,
             seed: self.seed,
@@ -233,10 +241,15 @@ fn read(file: &Path) -> Result<Vec<u8>, Failure> {
         .map_err(|error| Failure::input(format!("{}: cannot be read: {error}", file.display())))
 }
 
-fn read_wordlengths(file: &Path, app: &'static dyn App) -> Result<Vec<Format>, Failure> {
+fn read_wordlengths(
+    file: &Path,
+    app: &'static dyn App,
+) -> Result<(Vec<Format>, Option<Tuned>), Failure> {
     let name = file.display().to_string();
     let text = String::from_utf8(read(file)?)
         .map_err(|_| Failure::input(format!("{name}: expected TOML in UTF-8")))?;
-    let declared = wordlengths::parse(&text, &name).map_err(Failure::input)?;
-    wordlengths::align(&declared, app.nodes(), &name).map_err(Failure::input)
+    let declared = wordlengths::parse_all(&text, &name).map_err(Failure::input)?;
+    let formats =
+        wordlengths::align(&declared.nodes, app.nodes(), &name).map_err(Failure::input)?;
+    Ok((formats, declared.tuned))
 }

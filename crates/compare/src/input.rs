@@ -27,6 +27,8 @@ pub struct Comparison {
     pub checks: Vec<Check>,
     /// Largest rms rotation that parts of the error budget may bring, in degrees, by their names.
     pub stage_limits: Vec<(String, Limit)>,
+    /// What formats were tuned to; none for formats chosen by hand.
+    pub tuned: Option<TunedTo>,
     /// Largest share of solutions with status bits.
     pub most_flagged: Option<Limit>,
     /// The same attitude as each stage of the chain leaves it.
@@ -90,6 +92,9 @@ pub struct Node {
     /// Largest permitted difference, from golden or from real where golden has no such node; in place
     /// of what `expected` permits.
     pub tolerance: Option<Tolerance>,
+    /// Largest permitted difference from the real interpretation of formats that were tuned to it; then
+    /// it stands in place of what `expected` permits, and golden judges the outputs alone.
+    pub tuned: Option<Tolerance>,
     /// By how much golden and the real interpretation may differ, beside rounding.
     pub allowance: Option<Tolerance>,
 }
@@ -101,6 +106,30 @@ pub struct Expectation {
     pub bias: f64,
     /// Its standard deviation; infinite where nothing bounds it.
     pub deviation: f64,
+}
+
+/// The budget that word lengths were tuned to.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TunedTo {
+    /// Limits of errors against golden on the same codes.
+    pub errors: Vec<TunedError>,
+    /// Largest share of solutions whose status differs from golden's.
+    pub most_status: f64,
+    /// Budget expressions that a comparison does not measure.
+    pub unjudged: Vec<String>,
+}
+
+/// A limit of a budget.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct TunedError {
+    /// As written.
+    pub text: String,
+    /// `yaw`, `pitch`, `roll`, or `attitude` for the whole rotation.
+    pub subject: String,
+    /// `rms`, `p99` or `max`.
+    pub statistic: String,
+    /// In degrees.
+    pub most_deg: f64,
 }
 
 /// Messages on the line, in order, or why they could not be read.

@@ -57,7 +57,7 @@ pub use budget::{AngleSpread, BudgetDetail, ErrorBudget, PartDetail, RoundingSha
 pub use input::{
     Assumed, Attitudes, Comparison, EmulatorStatistics, Expectation, Format, Frames, Limit,
     LinkStatistics, Messages, Node, Reproduce, RoundingStep, Run, Series, Tolerance,
-    TruthTolerance,
+    TruthTolerance, TunedError, TunedTo,
 };
 pub use messages::{FlagCount, OutputReport, Statistics};
 pub use metrics::{Difference, Normalised, Violation};

@@ -99,9 +99,9 @@ impl Judge<'_> {
         let node = self.node?;
         let sample = solution * node.per_solution.max(1) + self.quantity.write;
         let golden = *node.golden.as_ref()?.get(sample)?;
-        let limit = match &node.tolerance {
-            Some(tolerance) => tolerance.max_abs,
-            None => {
+        let limit = match (&node.tolerance, &node.tuned) {
+            (Some(tolerance), _) | (None, Some(tolerance)) => tolerance.max_abs,
+            (None, None) => {
                 let expectation = *node.expected.as_ref()?.get(sample)?;
                 let allowance = node.allowance.as_ref().map_or(0.0, |given| given.max_abs);
                 allowance + expectation.bias.abs() + self.most * expectation.deviation
@@ -289,6 +289,13 @@ impl Side<'_> {
                 .enumerate()
                 .filter(|&(solution, message)| differs(solution, message))
                 .count();
+            let permitted = comparison
+                .tuned
+                .as_ref()
+                .map_or(0.0, |tuned| tuned.most_status);
+            if count as f64 <= permitted * self.messages.len() as f64 {
+                continue;
+            }
             if let Some((solution, Ok(message))) = first(self.messages, differs) {
                 reasons.push(Reason::StatusDiffers {
                     side: self.name,
@@ -355,7 +362,8 @@ pub(crate) fn count_flags(comparison: &Comparison, reasons: &mut Vec<Reason>) ->
     for bit in &comparison.outputs.status {
         let of_golden = |k: usize| golden.get(k).copied().unwrap_or_default();
         let doubtful = count(&|k| of_golden(k).doubtful & bit.mask != 0);
-        if doubtful as f64 / solutions > MOST_DOUBTFUL {
+        // Tuned formats are judged by the share that differs, doubtful or not.
+        if comparison.tuned.is_none() && doubtful as f64 / solutions > MOST_DOUBTFUL {
             reasons.push(Reason::StatusDoubtful {
                 bit: bit.name.clone(),
                 share: doubtful as f64 / solutions,

@@ -45,9 +45,10 @@ impl NodeReport {
     /// The comparison that the tolerance judges: golden where it knows the node, else real.
     #[must_use]
     pub fn judged(&self) -> Option<&Difference> {
-        self.golden_vs_native
-            .as_ref()
-            .or(self.real_vs_native.as_ref())
+        let golden = self.golden_vs_native.as_ref();
+        // Golden may be there without judging.
+        let judges = golden.filter(|golden| golden.used.is_some());
+        judges.or(self.real_vs_native.as_ref()).or(golden)
     }
 }
 
@@ -95,6 +96,7 @@ pub(crate) fn report(
         tolerance_reason: node
             .tolerance
             .as_ref()
+            .or(node.tuned.as_ref())
             .or(node.allowance.as_ref())
             .map(|tolerance| tolerance.reason.clone()),
         unfinished: node.native.len().saturating_sub(finished) as u64,
@@ -112,6 +114,12 @@ pub(crate) fn report(
 fn limits(node: &Node, against: Against, flags: &[u16]) -> Limits {
     let unflagged = flags.iter().filter(|&&word| word == 0).count();
     let most = most_deviations(unflagged * node.per_solution.max(1));
+    if let (Some(tuned), None) = (&node.tuned, &node.tolerance) {
+        return match against {
+            Against::Real => Limits::Absolute(tuned.max_abs),
+            Against::Golden => Limits::None,
+        };
+    }
     match (&node.tolerance, against) {
         (Some(tolerance), Against::Real) if node.golden.is_none() => {
             Limits::Absolute(tolerance.max_abs)

@@ -92,10 +92,12 @@ pub fn compare(comparison: &Comparison) -> Report {
     reasons.append(&mut unjudged);
     let device = attitudes.device();
     let attitude = against(device, &attitudes.truth, unflagged);
+    let attitude_vs_golden = against(device, &attitudes.codes, unflagged);
     let (error_budget, error_budget_detail) = budget(attitudes, &unflagged);
     check_run(
         comparison,
         attitude.as_ref(),
+        attitude_vs_golden.as_ref(),
         (&error_budget, &error_budget_detail),
         &mut reasons,
     );
@@ -127,7 +129,7 @@ pub fn compare(comparison: &Comparison) -> Report {
         outputs,
         checks: comparison.checks.clone(),
         frames,
-        attitude_vs_golden: against(device, &attitudes.codes, unflagged),
+        attitude_vs_golden,
         error_budget_detail,
         assumed: comparison.assumed.clone(),
         reproduce: comparison.reproduce.clone(),

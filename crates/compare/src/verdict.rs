@@ -370,12 +370,14 @@ pub(crate) fn check_chain(comparison: &Comparison, reasons: &mut Vec<Reason>) {
 pub(crate) fn check_run(
     comparison: &Comparison,
     attitude: Option<&AttitudeErrors>,
+    against_golden: Option<&AttitudeErrors>,
     budget: (&ErrorBudget, &BudgetDetail),
     reasons: &mut Vec<Reason>,
 ) {
     let (budget, detail) = budget;
     check_series(comparison, reasons);
     check_stages(comparison, detail, reasons);
+    check_tuned(comparison, against_golden, reasons);
     if let Some(compiled) = budget.compiled
         && exceeds(compiled, 0.0)
     {
@@ -388,6 +390,39 @@ pub(crate) fn check_run(
         && exceeds(open, CLOSURE_LIMIT_DEG)
     {
         reasons.push(Reason::BudgetOpen(open));
+    }
+}
+
+/// The budget that the word lengths were tuned to.
+fn check_tuned(
+    comparison: &Comparison,
+    against_golden: Option<&AttitudeErrors>,
+    reasons: &mut Vec<Reason>,
+) {
+    for error in comparison.tuned.iter().flat_map(|tuned| &tuned.errors) {
+        let spread = against_golden.map(|errors| match error.subject.as_str() {
+            "yaw" => errors.yaw,
+            "pitch" => errors.pitch,
+            "roll" => errors.roll,
+            _ => errors.total,
+        });
+        let value = spread.and_then(|spread| match error.statistic.as_str() {
+            "rms" => spread.rms_deg,
+            "p99" => spread.p99_deg,
+            _ => spread.max_deg,
+        });
+        let check = Check {
+            party: "word lengths".to_owned(),
+            what: format!("{} of {} against golden", error.statistic, error.subject),
+            value: value.unwrap_or(f64::NAN),
+            least: 0.0,
+            most: error.most_deg,
+            unit: "degrees".to_owned(),
+            reason: format!("tuned to {}", error.text),
+        };
+        if !check.is_met() {
+            reasons.push(Reason::CheckMissed(check));
+        }
     }
 }
 

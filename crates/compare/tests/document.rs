@@ -45,6 +45,7 @@ fn comparison() -> Comparison {
         expected: None,
         overflows: 0,
         allowance: None,
+        tuned: None,
         tolerance: Some(Tolerance {
             max_abs: 0.000_05,
             reason: "one rounding".into(),

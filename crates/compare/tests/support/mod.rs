@@ -112,6 +112,7 @@ fn nodes(golden: &Golden64) -> Vec<Node> {
                 expected: None,
                 overflows: 0,
                 allowance: None,
+                tuned: None,
                 tolerance: Some(Tolerance {
                     max_abs: if frac == 0 { 0.0 } else { 1.5 * lsb },
                     reason: "one rounding down, and half a step of the reference".into(),
@@ -217,6 +218,7 @@ pub(crate) fn comparison(solutions: usize) -> Comparison {
             .collect(),
         checks: Vec::new(),
         stage_limits: Vec::new(),
+        tuned: None,
         most_flagged: None,
         flags,
         attitudes: Attitudes {
