@@ -54,8 +54,15 @@ fn a_tuned_file_meets_its_budget_in_fewer_bits_and_a_million_samples_compare_bit
     let to = &tuned["tuned"];
     assert_eq!(to["budget"][0].as_str(), Some("attitude.rms<=0.05"));
     assert_eq!(to["verified"].as_bool(), found["verified"].as_bool());
-    assert_eq!(to["reached"][0].as_float(), found["best"]["reached"][0]["value"].as_f64());
-    assert!(to["tolerance"].as_array().is_some_and(|nodes| nodes.len() > 40));
+    assert_eq!(
+        to["reached"][0].as_float(),
+        found["best"]["reached"][0]["value"].as_f64()
+    );
+    assert!(
+        to["tolerance"]
+            .as_array()
+            .is_some_and(|nodes| nodes.len() > 40)
+    );
     assert!(bits(&found["deployed"]) > bits(&found["best"]));
     let error = found["best"]["error"].as_f64().expect("a number");
     assert!(error > 0.0 && error <= 0.05, "{error}");
