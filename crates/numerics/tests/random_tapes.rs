@@ -127,15 +127,21 @@ fn one(seed: u64, tally: &mut Tally) {
         Tape::record_ahead(&program, &longer, AHEAD).map(|(tape, inputs)| (tape, inputs, longer));
     match longer {
         Ok((again, inputs, steps)) => {
-            assert_eq!(again, tape, "seed {seed}: {program:?}");
+            // A change by an input may leave no trace once two delay lines hold the same; while
+            // they fill, it is a start-up of these data.
+            if matches!(program.when, When::Above(_)) {
+                assert_eq!(again.steady, tape.steady, "seed {seed}: {program:?}");
+            } else {
+                assert_eq!(again, tape, "seed {seed}: {program:?}");
+            }
+            let tape = &again;
             let (formats, computable) = formats(&mut draw);
             let run = Steps {
                 datapath: &program,
                 inputs: &steps,
             };
-            assert_trial(seed, (&tape, &inputs), &formats, &record(&run, &computable));
-            tally.proven +=
-                assert_proofs(seed, (&tape, &inputs), &formats, &ports_of(&tape, ports));
+            assert_trial(seed, (tape, &inputs), &formats, &record(&run, &computable));
+            tally.proven += assert_proofs(seed, (tape, &inputs), &formats, &ports_of(tape, ports));
         }
         Err(error) => {
             assert!(

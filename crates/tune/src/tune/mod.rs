@@ -270,7 +270,7 @@ impl Run<'_> {
         if feasible && !found.checked.holds {
             self.warnings.push(
                 "the result is not verified: it misses the budget on runs that it was not tuned on; tune \
-                 on more runs, or give a looser budget"
+                 on more runs, with guard bits, or give a looser budget"
                     .into(),
             );
         }
