@@ -76,7 +76,11 @@ pub(crate) fn without_shares(
             .iter()
             .map(|remark| ("remark".to_owned(), remark.clone())),
     );
-    for text in setup.tuned.iter().flat_map(|tuned| tuned_to(tuned).unjudged) {
+    for text in setup
+        .tuned
+        .iter()
+        .flat_map(|tuned| tuned_to(tuned).unjudged)
+    {
         let remark = format!("tuned to {text}, which a comparison does not measure");
         provenance.push(("remark".to_owned(), remark));
     }

@@ -18,9 +18,11 @@ pub(crate) fn edit(collected: &mut Collected, mut change: impl FnMut(usize, &mut
     for frames in [&mut collected.native_frames, &mut collected.emulated_frames] {
         for (index, bytes) in frames.iter_mut().enumerate() {
             let decoded = decode(bytes).expect("the unchanged frame is whole");
+            let [a, b, c, d] = decoded.averages.map(raw);
             let mut frame = Frame {
                 sequence: decoded.sequence,
-                averages: decoded.averages.map(raw),
+                averages: [a, b, c, d, decoded.tilt_z.map_or(0, raw)],
+                third: decoded.tilt_z.is_some(),
                 angles: decoded.angles.map(raw),
                 flags: decoded.status,
             };
@@ -137,7 +139,7 @@ pub(crate) fn faults() -> Vec<Fault> {
             Run::Tumble,
             "frames: native: average_tilt_x",
             |c| {
-                edit(c, |_, f| f.averages = [0; 4]);
+                edit(c, |_, f| f.averages = [0; 5]);
             },
         ),
         fault(

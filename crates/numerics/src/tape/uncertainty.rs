@@ -421,11 +421,14 @@ impl Propagation<'_> {
     fn quotient(&mut self, node: usize, a: &Uncertain, b: &Uncertain) -> Uncertain {
         let divisor = b.value;
         let reach = b.reach() + b.bias.abs();
-        self.raise(
-            self.domain_flag,
-            divisor == 0.0,
-            divisor != 0.0 && divisor.abs() <= reach,
-        );
+        // The word may be zero where the real divisor is not, and the other way round.
+        let may_vanish = divisor.abs() <= reach && b.span.lo <= 0.0 && b.span.hi >= 0.0;
+        let may_differ = if divisor == 0.0 {
+            reach > 0.0
+        } else {
+            may_vanish
+        };
+        self.raise(self.domain_flag, divisor == 0.0, may_differ);
         if divisor == 0.0 {
             let format = self.formats[node];
             let word = if a.value < 0.0 {
@@ -435,6 +438,9 @@ impl Propagation<'_> {
             };
             let mut end = self.known(node, format.real(word), word);
             end.unbounded = reach > 0.0;
+            if end.unbounded {
+                end.span = a.span.over(b.span);
+            }
             return end;
         }
         // The smallest divisor within reach has the steepest slope.
@@ -470,7 +476,7 @@ impl Propagation<'_> {
         let value = root(a.value);
         // The steeper of the secants to either end of the reach.
         let secant = |end: f64| {
-            let run = (end - a.value).abs();
+            let run = (end.max(0.0) - a.value).abs();
             if run > 0.0 {
                 (root(end) - value).abs() / run
             } else {
