@@ -123,7 +123,7 @@ pub fn measure(case: &Case) -> Result<Accuracy, String> {
     let settings = Settings {
         words: calibration_words(&nominal),
         averaging,
-        third_tilt: ThirdTilt::Absent,
+        third_tilt: ThirdTilt::Comparator,
         uncalibrated: false,
     };
     let calibration = calibration_of(&settings.words);
@@ -218,6 +218,10 @@ fn attitudes(case: &Case) -> Vec<Attitude> {
     (0..case.attitudes).map(&mut next).collect()
 }
 
+/// What the comparator says of every attitude. They do not follow from each other, so that nothing
+/// could be tracked from one to the next.
+const UPRIGHT: i8 = 1;
+
 /// What the chip did.
 struct Run {
     codes: Vec<u16>,
@@ -237,8 +241,11 @@ struct Board<'a> {
 
 impl Environment for Board<'_> {
     fn analog(&mut self, _: u64, input: AnalogInput) -> f64 {
-        let AnalogInput::Pin(pin) = input else {
-            return 0.0;
+        let pin = match input {
+            AnalogInput::Pin(pin) => pin,
+            // The comparator's inputs: under mid supply is upright.
+            AnalogInput::Ain1 => return cardan_spec::REFERENCE_V / 2.0,
+            _ => return 0.0,
         };
         let channel = usize::from(pin);
         let solution = self.run.codes.len().saturating_sub(WARM_UP) / self.conversions;
@@ -311,7 +318,7 @@ fn native(settings: &Settings, codes: &[u16]) -> Vec<Vec<u8>> {
     let mut solver = Solver::new(Silent, settings);
     let mut solve = |code: &u16| {
         let averages = decimator.push(&m, AdcCode(*code))?;
-        Some(solver.solve(&averages, 0).encode().to_vec())
+        Some(solver.solve(&averages, UPRIGHT).encode().to_vec())
     };
     codes.iter().filter_map(&mut solve).collect()
 }
@@ -334,6 +341,7 @@ impl Models {
         truths: &[Attitude],
     ) -> Self {
         let mut golden = Golden::with_averaging(calibration, settings.averaging);
+        golden.third_tilt(Some(false));
         let mut models = Self {
             golden: Vec::new(),
             set_1: Vec::new(),

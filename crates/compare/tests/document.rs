@@ -5,6 +5,7 @@ use cardan_compare::{
     Attitudes, Comparison, Format, Frames, Node, Run, Series, Tolerance, compare,
 };
 use cardan_golden::Angles;
+use cardan_outputs::{Outputs, StatusBit};
 use cardan_spec::flags;
 use cardan_units::HalfTurns;
 
@@ -75,6 +76,16 @@ fn comparison() -> Comparison {
             emulated: frames,
         },
         flags,
+        outputs: Outputs {
+            status: flags::NAMES
+                .iter()
+                .map(|&(mask, name)| StatusBit {
+                    name: name.into(),
+                    mask: mask.into(),
+                })
+                .collect(),
+            ..Outputs::default()
+        },
         attitudes: Attitudes {
             truth: series(10.0),
             direct: series(10.1),
@@ -247,7 +258,8 @@ fn the_budget_in_the_document_is_the_step_from_series_to_series() {
     let detail = &json["error_budget_detail"];
     for (index, (part, yaw)) in [
         ("latency", 0.1),
-        ("sensor_frontend", 0.2),
+        ("motion", 0.1),
+        ("sensor_frontend", 0.1),
         ("adc", 0.1),
         ("algorithm", 0.01),
         ("rounding", 0.02),
