@@ -92,7 +92,8 @@ pub(crate) fn axis(design: &Design, fit: &Fit, working: Working) -> Result<Alone
     let [to_x, to_y, to_z] = [0, 1, Z].map(|axis| fit.parameters[axis]);
     let cross = to_x.hypot(to_y);
     // As for two channels: what it feels along its own axis must not drown in the others.
-    if !(to_z.abs() * SENSITIVITY_CONDITION > cross) {
+    let ratio = cross / to_z.abs();
+    if ratio.is_nan() || ratio >= SENSITIVITY_CONDITION {
         return Err(Error::InsensitiveToZ {
             sensitivity: [to_x, to_y, to_z],
         });

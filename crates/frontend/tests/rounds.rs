@@ -2,6 +2,7 @@
 //! channel takes 16 conversions together, so that rounds of four see four phases of it, over and over,
 //! and rounds of five all 16 in 16 rounds, which is a block.
 
+#[allow(dead_code, reason = "each test program uses a part of it")]
 mod common;
 
 use cardan_frontend::design::nominal_edges;
