@@ -10,7 +10,7 @@ use tempfile::TempDir;
 const FILE: &str = r#"
 [[corner]]
 name = "hot"
-set = { "climate.start_k" = 358.15, "climate.end_k" = 358.15 }
+set = { "climate.start_k" = 303.15, "climate.end_k" = 303.15 }
 
 [spread]
 "sensors.accelerometer.offset_x_mg" = { sigma = 20.0 }
@@ -45,7 +45,7 @@ fn corners_and_units_are_compared_in_order_whatever_the_number_of_jobs() {
     assert_eq!(names, ["nominal", "hot", "mc-0", "mc-1", "mc-2"]);
     assert_eq!(one["yield"]["units"], 3);
     assert_eq!(one["yield"]["passed"], 3);
-    assert_eq!(runs[1]["set"]["climate.start_k"], 358.15);
+    assert_eq!(runs[1]["set"]["climate.start_k"], 303.15);
     let seeds: Vec<u64> = runs.iter().filter_map(|run| run["seed"].as_u64()).collect();
     assert_eq!(seeds, [1, 1, 2, 3, 4]);
     let offsets: Vec<f64> = runs[2..]

@@ -333,8 +333,8 @@ fn what_cannot_be_dumped_is_refused_before_anything_runs() {
             &["yaww", "`yaw`"],
         ),
         (
-            &["--dump", &at("a.csv"), "--dump-signal", "adc4_V"],
-            &["adc4_V", "adc0_V"],
+            &["--dump", &at("a.csv"), "--dump-signal", "adc5_V"],
+            &["adc5_V", "adc0_V"],
         ),
         (
             &["--dump", &at("a.csv"), "--dump-signal", "PE1"],

@@ -102,7 +102,7 @@ fn patches(image: &Image) -> Vec<Patch> {
 fn outputs(document: &Value) -> Value {
     let mut document = document.clone();
     let object = document.as_object_mut().expect("an object");
-    for key in ["emulator", "link", "reproduce", "seconds"] {
+    for key in ["checks", "emulator", "link", "reproduce", "seconds"] {
         object.remove(key);
     }
     document

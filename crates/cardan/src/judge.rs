@@ -6,8 +6,8 @@ use cardan_bench::app::{Evidence, Feed};
 use cardan_bench::{App, Conversion, Engine, EngineError, Sink, SinkError};
 use cardan_compare::{
     Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, Limit, LinkStatistics,
-    Messages, Node, Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance, TunedError,
-    TunedTo,
+    Messages, NOT_JUDGED, Node, Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance,
+    TunedError, TunedTo,
 };
 use cardan_datapath::NodeInfo;
 use cardan_datapath::wordlengths::Tuned;
@@ -54,7 +54,8 @@ pub(crate) fn without_shares(
         samples: collected.conversions.len() as u64,
         solution_seconds: app.solution_seconds(&collected.configuration),
     };
-    let tolerance = &setup.scenario.tolerance.truth;
+    let widened = widened(setup);
+    let tolerance = &widened.truth;
     let limits = [tolerance.rms_deg, tolerance.p99_deg, tolerance.max_deg];
     let truth_tolerance = limits
         .iter()
@@ -84,6 +85,9 @@ pub(crate) fn without_shares(
         let remark = format!("tuned to {text}, which a comparison does not measure");
         provenance.push(("remark".to_owned(), remark));
     }
+    if let Some(what) = &setup.not_judged {
+        provenance.push((NOT_JUDGED.to_owned(), what.clone()));
+    }
     if let Some(crash) = &summary.crash {
         provenance.push(("crash".to_owned(), crash.clone()));
     }
@@ -103,8 +107,8 @@ pub(crate) fn without_shares(
         },
         status: status(collected),
         checks: checks(setup, collected)?,
-        stage_limits: stage_limits(&setup.scenario.tolerance),
-        most_flagged: most_flagged(&setup.scenario.tolerance),
+        stage_limits: stage_limits(&widened),
+        most_flagged: most_flagged(&widened),
         tuned: setup.tuned.as_ref().map(tuned_to),
         truth_tolerance,
         emulator: EmulatorStatistics {
@@ -121,6 +125,7 @@ pub(crate) fn without_shares(
             missed_deadlines: summary.missed_deadlines,
             mistimed: summary.mistimed,
             first_mistimed: summary.first_mistimed.clone(),
+            output_latency_ms: output_latency_ms(collected),
             first_conversion_cycle: collected.conversions.first().map(|first| first.cycle),
         },
         link: LinkStatistics {
@@ -136,11 +141,34 @@ pub(crate) fn without_shares(
     })
 }
 
+/// From the output instants to the ends of their frames, on the average.
+fn output_latency_ms(collected: &Collected) -> Option<f64> {
+    let ends_s = collected.emulated_frame_cycles.iter();
+    let ends_s = ends_s.map(|&cycle| cycle as f64 / cardan_spec::timing::CPU_HZ as f64);
+    let latencies: Vec<f64> = ends_s
+        .zip(&collected.truths)
+        .map(|(end_s, truth)| 1e3 * (end_s - truth.time_s))
+        .collect();
+    let count = latencies.len() as f64;
+    (count > 0.0).then(|| latencies.iter().sum::<f64>() / count)
+}
+
+/// The scenario's limits, which are stated for its own length: statistics of a shorter run scatter more,
+/// by the root of how much shorter it is.
+fn widened(setup: &Setup) -> ScenarioTolerance {
+    let mut tolerance = setup.scenario.tolerance.clone();
+    let factor = (setup.scenario.seconds / setup.seconds).sqrt().max(1.0);
+    tolerance.widen(factor);
+    tolerance
+}
+
 /// What each stage before the firmware did by itself.
 fn checks(setup: &Setup, collected: &Collected) -> Result<Vec<Check>, Failure> {
     let truth_times_s: Vec<f64> = collected.truths.iter().map(|truth| truth.time_s).collect();
+    let mut scenario = setup.scenario.clone();
+    scenario.tolerance = widened(setup);
     let evidence = Evidence {
-        scenario: &setup.scenario,
+        scenario: &scenario,
         configuration: &collected.configuration,
         conversions: &collected.conversions,
         truth_times_s: &truth_times_s,

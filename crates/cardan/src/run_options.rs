@@ -8,6 +8,7 @@ use cardan_bench::image::Firmware;
 use cardan_datapath::wordlengths::{self, Tuned};
 use cardan_datapath::{Format, table_hash};
 use cardan_scenario::Scenario;
+use cardan_scenario::scenario::Tolerance;
 use cardan_scenario::third_tilt;
 use clap::Args;
 
@@ -71,6 +72,8 @@ pub(crate) struct Setup {
     pub(crate) firmware: Firmware,
     /// Formats of the native run when they are not the deployed ones.
     pub(crate) formats: Option<Vec<Format>>,
+    /// Why the limits of the bundled scenario do not apply.
+    pub(crate) not_judged: Option<String>,
     /// What the formats were tuned to, as their file says.
     pub(crate) tuned: Option<Tuned>,
     /// Hash of the formats in use.
@@ -115,6 +118,10 @@ impl RunOptions {
             None => None,
         };
         let mut scenario = Scenario::load(&self.scenario).map_err(Failure::input)?;
+        let changed = self.changed_limits(&scenario);
+        if changed.is_some() {
+            scenario.tolerance = Tolerance::default();
+        }
         if let Some(file) = &self.recording {
             scenario = scenario.with_recording(file);
             if let Some(name) = file.file_name() {
@@ -146,9 +153,33 @@ impl RunOptions {
             firmware,
             formats,
             tuned,
+            not_judged: changed,
             formats_hash,
             seconds,
             seed: self.seed,
+        })
+    }
+
+    /// What of a bundled scenario is replaced, so that its limits on truth, stages, channels and flagged
+    /// share say nothing of the run.
+    fn changed_limits(&self, scenario: &Scenario) -> Option<String> {
+        if !scenario.is_bundled() {
+            return None;
+        }
+        let set = self.set.iter().map(|(key, _)| key.as_str());
+        let set = set.filter(|key| !Scenario::keeps_limits(key));
+        let changed: Vec<&str> = self
+            .recording
+            .iter()
+            .map(|_| "--recording")
+            .chain(set)
+            .collect();
+        (!changed.is_empty()).then(|| {
+            format!(
+                "truth, stages, channels and flagged share, whose limits belong to the bundled scenario \
+                 without {}; state limits with --set tolerance.truth.rms_deg=... or a scenario file",
+                changed.join(", ")
+            )
         })
     }
 

@@ -319,6 +319,9 @@ pub struct EmulatorStatistics {
     pub mistimed: u64,
     /// The first of them, in words.
     pub first_mistimed: Option<String>,
+    /// From the instant that a solution stands for to the end of its frame, in milliseconds, on the
+    /// average: group delay, half the averaging window, computing, sending.
+    pub output_latency_ms: Option<f64>,
     /// Cycle of the first conversion's hold: how long the start-up took.
     pub first_conversion_cycle: Option<u64>,
 }
@@ -344,6 +347,9 @@ pub struct Assumed {
     /// Why this value, as far as anything is known.
     pub reason: String,
 }
+
+/// Key of a line of [`Reproduce::provenance`] that says what the verdict leaves out, and why.
+pub const NOT_JUDGED: &str = "not judged";
 
 /// How to run it again.
 #[derive(Clone, Debug, Default, Serialize)]

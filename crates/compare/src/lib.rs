@@ -56,7 +56,7 @@ pub use bits::{BitComparison, BitMismatch, FrameComparison, FrameMismatch};
 pub use budget::{AngleSpread, BudgetDetail, ErrorBudget, PartDetail, RoundingShare};
 pub use input::{
     Assumed, Attitudes, Comparison, EmulatorStatistics, Expectation, Format, Frames, Limit,
-    LinkStatistics, Messages, Node, Reproduce, RoundingStep, Run, Series, Tolerance,
+    LinkStatistics, Messages, NOT_JUDGED, Node, Reproduce, RoundingStep, Run, Series, Tolerance,
     TruthTolerance, TunedError, TunedTo,
 };
 pub use messages::{FlagCount, OutputReport, Statistics};

@@ -6,6 +6,7 @@ use std::fmt::Write;
 
 use crate::attitude::{AttitudeErrors, Spread};
 use crate::format::{count, number, optional, percent};
+use crate::input::NOT_JUDGED;
 use crate::nodes::NodeReport;
 use crate::report::Report;
 use crate::verdict::Verdict;
@@ -219,7 +220,8 @@ fn budget(out: &mut String, report: &Report, style: Style) {
     grid(out, &columns, &rows, None, style);
     if let Some(open) = detail.closure_deg {
         let text = format!(
-            "The parts add up to the whole within {} degrees in each of {} solutions.",
+            "The parts are steps of one chain and add up to the whole by construction (within {} degrees \
+             in each of {} solutions).",
             number(open),
             count(detail.closure_samples)
         );
@@ -242,6 +244,12 @@ fn machine(out: &mut String, report: &Report, style: Style) {
         emulator.isr_latency_max_cycles,
     );
     prose(out, "", 2, &text, style);
+    if let Some(latency) = emulator.output_latency_ms {
+        let text = format!(
+            "latency {latency:.1} ms from the instant that a solution stands for to the end of its frame"
+        );
+        prose(out, "", 2, &text, style);
+    }
     let text = format!(
         "conversions late {}, lost {}; deadlines missed {}; frames compared {}, differing {}",
         emulator.late_conversions,
@@ -276,6 +284,9 @@ fn verdict(out: &mut String, report: &Report, style: Style) {
     let mut lines = String::new();
     prose(&mut lines, &format!("{word}  "), 6, &text, style);
     out.push_str(&lines.replacen(word, &style.good_or_bad(pass, word), 1));
+    for (_, what) in (report.reproduce.provenance.iter()).filter(|(key, _)| key == NOT_JUDGED) {
+        prose(out, "  not judged: ", 4, what, style);
+    }
     for reason in &report.reasons {
         prose(out, "  - ", 4, &reason.to_string(), style);
     }

@@ -345,9 +345,18 @@ fn or_missing<T: fmt::Display>(value: Option<T>) -> String {
 /// since whatever else differs may follow from them.
 pub(crate) fn check_chain(comparison: &Comparison, reasons: &mut Vec<Reason>) {
     let emulator = &comparison.emulator;
+    let missed = comparison.checks.iter().filter(|check| !check.is_met());
+    let (controller, others): (Vec<&Check>, Vec<&Check>) =
+        missed.partition(|check| check.party == Check::CONTROLLER);
+    if comparison.link.lost > 0 {
+        reasons.push(Reason::MessagesLost(comparison.link.lost));
+    }
+    reasons.extend(controller.into_iter().cloned().map(Reason::CheckMissed));
     let counts = [
-        (comparison.link.lost, Reason::MessagesLost as fn(u64) -> _),
-        (emulator.late_conversions, Reason::LateConversions),
+        (
+            emulator.late_conversions,
+            Reason::LateConversions as fn(u64) -> _,
+        ),
         (emulator.lost_conversions, Reason::LostConversions),
         (emulator.missed_deadlines, Reason::MissedDeadlines),
     ];
@@ -362,8 +371,7 @@ pub(crate) fn check_chain(comparison: &Comparison, reasons: &mut Vec<Reason>) {
             first: emulator.first_mistimed.clone().unwrap_or_default(),
         });
     }
-    let checks = comparison.checks.iter().filter(|check| !check.is_met());
-    reasons.extend(checks.cloned().map(Reason::CheckMissed));
+    reasons.extend(others.into_iter().cloned().map(Reason::CheckMissed));
 }
 
 /// What is wrong with the run as a whole.

@@ -85,6 +85,9 @@ pub struct Check {
 }
 
 impl Check {
+    /// The party of checks on the controller itself: what they find causes whatever else is late.
+    pub const CONTROLLER: &'static str = "controller";
+
     /// Whether the value lies within the limits; what is not a number does not.
     #[must_use]
     pub fn is_met(&self) -> bool {

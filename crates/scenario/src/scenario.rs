@@ -370,6 +370,13 @@ impl Tolerance {
             .collect()
     }
 
+    /// Multiplies every limit on a statistic of the run.
+    pub fn widen(&mut self, factor: f64) {
+        for (_, limit, most, _) in self.limits() {
+            *limit = limit.map(|limit| (factor * limit).min(most));
+        }
+    }
+
     /// Sets the limit of that full key; false if there is none.
     fn set(&mut self, key: &str, value: f64) -> bool {
         if let Some(node) = key.strip_prefix("tolerance.nodes.") {
@@ -441,14 +448,25 @@ impl Scenario {
             file.display(),
             self.name
         );
-        if BUNDLED.iter().any(|(name, _)| *name == self.name) {
-            // The bundled limits belong to the motion that the recording replaces.
-            self.tolerance = Tolerance::default();
-        }
         self.motion.kind = MotionKind::Recording;
         self.motion.recording.file = Some(file.into());
         self.seconds = MOST_SECONDS;
         self
+    }
+
+    /// Whether this is one of the bundled scenarios, whose limits belong to it as it stands.
+    #[must_use]
+    pub fn is_bundled(&self) -> bool {
+        BUNDLED.iter().any(|(name, _)| *name == self.name)
+    }
+
+    /// Whether the limits of a bundled scenario hold with that key set to any value: it is a limit itself,
+    /// or it changes nothing of motion and hardware that would widen them.
+    #[must_use]
+    pub fn keeps_limits(key: &str) -> bool {
+        ["tolerance.", "controller.", "noise."]
+            .iter()
+            .any(|table| key.starts_with(table))
     }
 
     /// Reads and checks a scenario; `file` is for messages, `name` unless the text says another.

@@ -83,11 +83,11 @@ fn firmware_faults() -> Vec<Fault> {
             },
         ),
         fault(
-            "the exact average loses its last place",
+            "the exact average loses its last places",
             Run::Tumble,
             "node average:",
             |c| {
-                firmware(c, "average", |_, word| word & !1);
+                firmware(c, "average", |_, word| word & !7);
             },
         ),
         fault(
@@ -168,7 +168,7 @@ fn chip_faults() -> Vec<Fault> {
         fault(
             "one bit of one frame of the chip",
             Run::Tumble,
-            "frames: native and emulated differ in 1 frame",
+            "frames: emulated: message 33 cannot be read: its check sum",
             |c| {
                 c.emulated_frames[33][5] ^= 0x40;
             },

@@ -47,6 +47,8 @@ pub struct Collected {
     pub golden_ideal: Streams<f64>,
     /// Frames off the emulated line.
     pub emulated_frames: Vec<Vec<u8>>,
+    /// Cycle at which each of them ended.
+    pub emulated_frame_cycles: Vec<u64>,
     /// Frames of the native firmware.
     pub native_frames: Vec<Vec<u8>>,
     /// What the emulated engine counted.
@@ -78,10 +80,10 @@ pub(crate) fn collect(session: Session, timed: &[usize]) -> Result<Collected, Fa
         .collect()
         .map_err(lost)?;
     let (emulated, _) = words(&session, Role::Emulated, &[])?;
-    let emulated_frames = frames(&session, Role::Emulated)?;
+    let (emulated_frames, emulated_frame_cycles) = frames(&session, Role::Emulated)?;
     let emulated_summary = summary(&mut emulated_blobs, "emulated")?;
     let (native, native_cycles) = words(&session, Role::Native, timed)?;
-    let native_frames = frames(&session, Role::Native)?;
+    let (native_frames, _) = frames(&session, Role::Native)?;
     let records = session
         .reader(Role::Native, RealNodes)
         .map_err(lost)?
@@ -122,6 +124,7 @@ pub(crate) fn collect(session: Session, timed: &[usize]) -> Result<Collected, Fa
         golden,
         golden_ideal,
         emulated_frames,
+        emulated_frame_cycles,
         native_frames,
         emulated_summary,
         native_summary,
@@ -183,13 +186,17 @@ fn reals(records: Vec<NodeReal>) -> Streams<f64> {
     streams
 }
 
-fn frames(session: &Session, role: Role) -> Result<Vec<Vec<u8>>, Failure> {
+/// Frames and the cycles at which they ended.
+fn frames(session: &Session, role: Role) -> Result<(Vec<Vec<u8>>, Vec<u64>), Failure> {
     let records = session
         .reader(role, Frames)
         .map_err(lost)?
         .collect()
         .map_err(lost)?;
-    Ok(records.iter().map(|frame| frame.bytes().to_vec()).collect())
+    Ok(records
+        .iter()
+        .map(|frame| (frame.bytes().to_vec(), frame.cycle()))
+        .unzip())
 }
 
 fn summary(blobs: &mut BlobReader, who: &str) -> Result<Summary, Failure> {
