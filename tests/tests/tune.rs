@@ -138,7 +138,7 @@ fn without_an_input_that_raises_a_status_bit_the_user_is_told() {
         told("tumble")
     );
     assert!(
-        told("magnet").contains("status bits 0x0041"),
+        told("magnet").contains("status bits 0x0141"),
         "{}",
         told("magnet")
     );

@@ -67,7 +67,8 @@ fn checksum() -> bool {
 fn frame() -> bool {
     let frame = Frame {
         sequence: 0x0102,
-        averages: [1, -1, 0, 0x7f00],
+        averages: [1, -1, 0, 0x7f00, 0],
+        third: false,
         angles: [-32768, 256, 0],
         flags: 0x55,
     };
@@ -81,7 +82,8 @@ fn frame() -> bool {
 fn text() -> bool {
     let frame = Frame {
         sequence: 7,
-        averages: [0; 4],
+        averages: [0; 5],
+        third: false,
         angles: [16384, -32768, 1],
         flags: 0x41,
     };
