@@ -69,9 +69,9 @@ impl<'a, D: Domain> Runner<'a, D> {
         self.steps.back().map_or(&[], Vec::as_slice)
     }
 
-    /// The items of the last step.
-    pub(super) fn last_mut(&mut self) -> Option<&mut Vec<D::Item>> {
-        self.steps.back_mut()
+    /// The items of the steps that later ones may look back at, the last step's last.
+    pub(super) const fn held_mut(&mut self) -> &mut VecDeque<Vec<D::Item>> {
+        &mut self.steps
     }
 
     fn evaluate(

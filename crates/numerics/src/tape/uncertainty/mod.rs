@@ -27,6 +27,9 @@ use super::{Inputs, NO_NODE, Ref, Runner, Tape};
 /// normal. The sum of many uniform errors has lighter tails.
 const REACH: f64 = 6.0;
 
+/// Largest value of a uniform error over its standard deviation.
+const WIDEST: f64 = 1.732_050_807_568_877_2;
+
 /// A value on real numbers and what fixed point may make of it.
 #[derive(Clone, Debug, Default)]
 pub struct Uncertain {
@@ -44,6 +47,8 @@ pub struct Uncertain {
     span: Span,
     /// The word is never negative, whatever rounding does.
     nonnegative: bool,
+    /// Deviation that it leaves to later steps.
+    left: f64,
     /// Number of the operation that made it; 0 before any.
     id: u64,
     /// For truths: the value whose sign it is.
@@ -108,8 +113,8 @@ pub struct Uncertainty<'a> {
     tape: &'a Tape,
     propagation: Propagation<'a>,
     runner: Runner<'a, Propagation<'a>>,
-    /// Operations whose results later steps use.
-    carried: Vec<usize>,
+    /// What steps look back at: how many steps ago, and which operation. Each is a source of its own.
+    carried: Vec<(usize, usize)>,
     step: usize,
 }
 
@@ -119,9 +124,9 @@ impl<'a> Uncertainty<'a> {
     pub fn new(tape: &'a Tape, formats: &'a [Format], domain_flag: u16) -> Self {
         let bodies = tape.transient.iter().chain([&tape.steady]);
         let operands = bodies.flatten().flat_map(|entry| entry.op.operands());
-        let mut carried: Vec<usize> = operands
+        let mut carried: Vec<(usize, usize)> = operands
             .filter_map(|operand| match operand {
-                Ref::Ago { index, .. } => Some(index as usize),
+                Ref::Ago { steps, index } => Some((steps as usize, index as usize)),
                 Ref::Here(_) | Ref::Before(_) => None,
             })
             .collect();
@@ -131,7 +136,6 @@ impl<'a> Uncertainty<'a> {
             formats,
             domain_flag,
             sources: carried.len(),
-            carried: carried.len(),
             operations: 0,
             status: 0,
             certain: 0,
@@ -176,20 +180,35 @@ impl<'a> Uncertainty<'a> {
         self.step += 1;
         raised
     }
-    /// Keeps of the step's errors what later steps can use: one source per value.
+    /// Keeps of the steps' errors what the next step can use: one source per value.
     fn carry(&mut self) {
-        let Some(items) = self.runner.last_mut() else {
-            return;
-        };
-        let mut carried = self.carried.iter().enumerate().peekable();
-        for (index, item) in items.iter_mut().enumerate() {
-            let slot = carried.next_if(|&(_, &wanted)| wanted == index);
-            let deviation = item.variance().sqrt();
+        let held = self.runner.held_mut();
+        for item in held.back_mut().into_iter().flatten() {
+            item.left = left(&item.spread, self.carried.len());
             item.spread = Vec::new();
-            if let (Some((slot, _)), true) = (slot, deviation > 0.0) {
-                item.spread.resize(slot, 0.0);
-                item.spread.push(deviation);
+        }
+        for (slot, &(ago, index)) in self.carried.iter().enumerate() {
+            let step = held.len().checked_sub(ago).and_then(|at| held.get_mut(at));
+            if let Some(item) = step.and_then(|items| items.get_mut(index)) {
+                item.spread = Vec::new();
+                if item.left > 0.0 {
+                    item.spread.resize(slot, 0.0);
+                    item.spread.push(item.left);
+                }
             }
         }
+    }
+}
+
+/// Deviation that a value leaves to later steps. In a loop roundings repeat themselves (a dead band, a
+/// limit cycle): there the largest error of the step goes with all that came from steps before.
+fn left(spread: &[f64], carried: usize) -> f64 {
+    let (before, own) = spread.split_at(carried.min(spread.len()));
+    let before: f64 = before.iter().map(|part| part.abs()).sum();
+    let own: f64 = own.iter().map(|part| part * part).sum::<f64>().sqrt();
+    if before > 0.0 {
+        before + WIDEST * own
+    } else {
+        own
     }
 }

@@ -7,9 +7,6 @@ use super::span::Span;
 use crate::exact;
 use crate::mixed::{finite, wrapped};
 
-/// Largest value of a uniform error over its standard deviation.
-const WIDEST: f64 = 1.732_050_807_568_877_2;
-
 /// Standard deviations by which a value may jump that a doubtful selection picks, so that both
 /// choices lie well within the limits that are set on errors.
 pub(super) const JUMP: f64 = 3.0;
@@ -51,8 +48,6 @@ pub(super) struct Propagation<'a> {
     pub(super) domain_flag: u16,
     /// Sources of this step so far; the first are what earlier steps left.
     pub(super) sources: usize,
-    /// Values that earlier steps left, the first sources of every step.
-    pub(super) carried: usize,
     /// Operations so far.
     pub(super) operations: u64,
     /// Status bits of the step: on real numbers, for certain in fixed point, and at most there.
@@ -68,17 +63,6 @@ impl Propagation<'_> {
             spread.resize(self.sources, 0.0);
             spread.push(deviation);
             self.sources += 1;
-        }
-    }
-
-    /// Adds the error of a rounding. In a loop roundings repeat themselves (a dead band, a limit
-    /// cycle): there it goes with the error that came from the step before.
-    pub(super) fn add_rounding(&mut self, spread: &mut Vec<f64>, deviation: f64) {
-        let from_before = spread.iter_mut().take(self.carried);
-        let largest = from_before.max_by(|a, b| a.abs().total_cmp(&b.abs()));
-        match largest {
-            Some(part) if *part != 0.0 => *part += (WIDEST * deviation).copysign(*part),
-            _ => self.add_source(spread, deviation),
         }
     }
 
@@ -106,9 +90,9 @@ impl Propagation<'_> {
         };
         let (variance, mean) = rounding_noise(format, dropped);
         let mut spread = std::mem::take(&mut item.spread);
-        self.add_rounding(&mut spread, variance.sqrt());
-        item.spread = spread;
+        self.add_source(&mut spread, variance.sqrt());
         item.bias += mean;
+        item.spread = spread;
         let range = Span::of(format.real(format.min_raw()), format.real(format.max_raw()));
         item.span = match format.overflow {
             Overflow::Wrap => range,
