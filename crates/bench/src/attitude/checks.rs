@@ -120,7 +120,8 @@ fn converter(evidence: &Evidence<'_>) -> Vec<Check> {
     let quantisation = 1.0 / 12_f64.sqrt();
     let expected = noise.hypot(quantisation);
     let mut checks = Vec::new();
-    for channel in 0..evidence.configuration.averaging().channels() {
+    let channels = evidence.configuration.averaging().channels();
+    for (channel, name) in NAMES.iter().enumerate().take(channels) {
         // At the ends of the scale codes are limited.
         let inside = settled(evidence, channel)
             .filter(|conversion| !AdcCode(conversion.code).is_clipped())
@@ -133,7 +134,6 @@ fn converter(evidence: &Evidence<'_>) -> Vec<Check> {
         if spread.count == 0 {
             continue;
         }
-        let name = NAMES[channel];
         let least_known = 4.0 * expected / (spread.count as f64).sqrt();
         let mut add = |what: &str, value: f64, most: f64, reason: &str| {
             checks.push(Check {

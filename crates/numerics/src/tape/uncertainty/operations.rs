@@ -178,7 +178,6 @@ impl Propagation<'_> {
         let is_extreme = condition.less_of == [a.id, b.id] || condition.less_of == [b.id, a.id];
         if condition.doubtful && is_extreme && a.id != 0 && b.id != 0 {
             // The lesser or the larger of two values is off by no more than either of them.
-            let either = (chosen.variance() + other.variance()).sqrt();
             item.unbounded |= other.unbounded;
             // select(a < b, a, b) is the lesser, select(b < a, a, b) the larger.
             item.span = if condition.less_of == [a.id, b.id] {
@@ -186,8 +185,8 @@ impl Propagation<'_> {
             } else {
                 a.span.combined(b.span, f64::max)
             };
-            let mut spread = Vec::new();
-            self.add_source(&mut spread, either);
+            let mut spread = std::mem::take(&mut item.spread);
+            self.add_source(&mut spread, other.variance().sqrt());
             item.spread = spread;
         } else if condition.doubtful {
             let apart = chosen.value + chosen.bias - other.value - other.bias;
