@@ -13,7 +13,7 @@ use cardan_datapath::NodeInfo;
 use cardan_datapath::wordlengths::Tuned;
 use cardan_golden::Angles;
 use cardan_outputs::{Check, Message, Status};
-use cardan_scenario::scenario::Tolerance as ScenarioTolerance;
+use cardan_scenario::tolerance::Tolerance as ScenarioTolerance;
 use cardan_scenario::{Trajectory, report};
 use cardan_spec::nodes::SHARED;
 use cardan_units::HalfTurns;

@@ -8,8 +8,8 @@ use cardan_bench::image::Firmware;
 use cardan_datapath::wordlengths::{self, Tuned};
 use cardan_datapath::{Format, table_hash};
 use cardan_scenario::Scenario;
-use cardan_scenario::scenario::Tolerance;
 use cardan_scenario::third_tilt;
+use cardan_scenario::tolerance::Tolerance;
 use clap::Args;
 
 use crate::eeprom_file;

@@ -29,6 +29,7 @@ pub mod scenario;
 pub mod sweep;
 mod syntax;
 pub mod third_tilt;
+pub mod tolerance;
 pub mod trajectory;
 pub mod tumble;
 
