@@ -153,13 +153,10 @@ fn output_latency_ms(collected: &Collected) -> Option<f64> {
     (count > 0.0).then(|| latencies.iter().sum::<f64>() / count)
 }
 
-/// The scenario's limits, which are stated for its own length: statistics of a shorter run scatter more,
-/// by the root of how much shorter it is.
+/// The scenario's limits, which are stated for its own length.
 fn widened(setup: &Setup) -> ScenarioTolerance {
-    let mut tolerance = setup.scenario.tolerance.clone();
-    let factor = (setup.scenario.seconds / setup.seconds).sqrt().max(1.0);
-    tolerance.widen(factor);
-    tolerance
+    let scenario = &setup.scenario;
+    scenario.tolerance.of_run(setup.seconds, scenario.seconds)
 }
 
 /// What each stage before the firmware did by itself.

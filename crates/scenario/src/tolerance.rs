@@ -67,13 +67,16 @@ pub struct ChannelTolerance {
 pub struct StatusTolerance {
     /// Largest share, 0 to 1.
     pub most_flagged: Option<f64>,
+    /// Least time with solutions without status bits, in seconds of a run of the scenario's length or
+    /// longer: where the half-space may be lost for good, the share depends on how long the run is.
+    pub least_unflagged_s: Option<f64>,
     /// Why this limit.
     pub reason: String,
 }
 
 impl Tolerance {
     /// Every limit by its key, with its admissible range and its unit.
-    fn limits(&mut self) -> [(&'static str, &mut Option<f64>, f64, &'static str); 9] {
+    fn limits(&mut self) -> [(&'static str, &mut Option<f64>, f64, &'static str); 10] {
         let degrees = "0 to 180 deg";
         [
             (
@@ -130,6 +133,12 @@ impl Tolerance {
                 1.0,
                 "a share, 0 to 1",
             ),
+            (
+                "tolerance.status.least_unflagged_s",
+                &mut self.status.least_unflagged_s,
+                1e6,
+                "0 to 1e6 s",
+            ),
         ]
     }
 
@@ -142,11 +151,23 @@ impl Tolerance {
             .collect()
     }
 
-    /// Multiplies every limit on a statistic of the run.
-    pub fn widen(&mut self, factor: f64) {
-        for (_, limit, most, _) in self.limits() {
-            *limit = limit.map(|limit| (factor * limit).min(most));
+    /// Limits for a run of `seconds` of a scenario of `stated` seconds. Statistics of a shorter run
+    /// scatter more, by the root of how much shorter it is.
+    #[must_use]
+    pub fn of_run(&self, seconds: f64, stated: f64) -> Self {
+        let factor = (stated / seconds).sqrt().max(1.0);
+        let mut tolerance = self.clone();
+        for (key, limit, most, _) in tolerance.limits() {
+            if key != "tolerance.status.least_unflagged_s" {
+                *limit = limit.map(|limit| (factor * limit).min(most));
+            }
         }
+        if let Some(least_s) = tolerance.status.least_unflagged_s {
+            let share = 1.0 - least_s / seconds.max(stated) / factor;
+            let most = tolerance.status.most_flagged.unwrap_or(1.0);
+            tolerance.status.most_flagged = Some(most.min(share.max(0.0)));
+        }
+        tolerance
     }
 
     /// Sets the limit of that full key; false if there is none.

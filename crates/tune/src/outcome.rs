@@ -135,6 +135,8 @@ pub struct Statistics {
     pub runs: usize,
     /// Of these, runs that meet every limit.
     pub holding: usize,
+    /// So many runs hold without exception that no model of how they scatter is needed.
+    pub by_count: bool,
     /// Rounds of search and verification, each on runs of its own.
     pub rounds: u64,
     /// Confidence over all rounds that the bounds hold for `content` of all runs.

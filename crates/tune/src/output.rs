@@ -159,13 +159,20 @@ pub fn told(found: &Statistics) -> String {
             stretch.constraint, stretch.mean, stretch.deviation, stretch.bound
         );
     }
-    let _ = write!(
-        out,
-        ". Bounds are not exceeded by {:.0} % of all such runs with {:.0} % confidence (normal \
-         tolerance limit, factor {:.2}).",
-        100.0 * found.content,
-        100.0 * found.confidence,
-        found.factor
-    );
+    let (content, confidence) = (100.0 * found.content, 100.0 * found.confidence);
+    let _ = if found.by_count {
+        write!(
+            out,
+            ". So many that hold without exception show with {confidence:.0} % confidence, over all \
+             rounds, that {content:.0} % of all such runs do (no model of how they scatter)."
+        )
+    } else {
+        write!(
+            out,
+            ". Bounds are not exceeded by {content:.0} % of all such runs with {confidence:.0} % \
+             confidence (normal tolerance limit, factor {:.2}).",
+            found.factor
+        )
+    };
     out
 }

@@ -1,6 +1,9 @@
 //! What a few fresh runs tell of all runs like them.
 //!
-//! The model: how far a run stretches a limit is normally distributed over seeds. Then mean + k s of n
+//! Many: if the wanted share of all runs did not hold, n runs would hold without exception with a
+//! probability of less than share^n (Wilks 1941; no model of how they scatter).
+//!
+//! Few: a model: how far a run stretches a limit is normally distributed over seeds. Then mean + k s of n
 //! runs is, with the wanted confidence, not exceeded by the wanted share of all runs, where k is the
 //! factor of the one-sided tolerance limit, a quantile of the noncentral t distribution (ISO 16269-6).
 
@@ -9,6 +12,11 @@ const Z_95: f64 = 1.644_853_626_951_472_6;
 
 /// The share of all runs that a tolerance limit speaks of.
 pub const CONTENT: f64 = 0.95;
+
+/// Whether `runs` that hold without exception show it for [`CONTENT`] of all runs.
+pub(crate) fn enough(runs: usize, confidence: f64) -> bool {
+    libm::pow(CONTENT, runs as f64) <= 1.0 - confidence
+}
 
 /// k of a one-sided tolerance limit of `n` values (at least 2) for [`CONTENT`].
 pub(crate) fn tolerance_factor(n: usize, confidence: f64) -> f64 {
@@ -69,6 +77,17 @@ mod tests {
             assert!(
                 (found - expected).abs() < 2e-3,
                 "{n}, {confidence}: {found}"
+            );
+        }
+    }
+
+    /// The numbers of runs of the tables (Wilks; 59 for 95 % of all with 95 % confidence, 90 with 99 %).
+    #[test]
+    fn runs_are_enough_as_in_the_tables() {
+        for (runs, confidence) in [(59, 0.95), (90, 0.99), (45, 0.9)] {
+            assert!(
+                enough(runs, confidence) && !enough(runs - 1, confidence),
+                "{runs}"
             );
         }
     }

@@ -3,6 +3,7 @@
 
 use cardan_datapath::Format;
 use cardan_firmware::calibration::Settings;
+use cardan_firmware::nodes::NODES;
 use cardan_numerics::tape::{Tape, Uncertainty};
 use cardan_spec::flags;
 
@@ -16,7 +17,12 @@ pub(super) struct ExpectationEngine {
 }
 
 impl ExpectationEngine {
-    pub(super) fn new(formats: Vec<Format>, settings: &Settings) -> Self {
+    pub(super) fn new(mut formats: Vec<Format>, settings: &Settings) -> Self {
+        // What wraps by design (an angle) is the algorithm's affair. A tuned word that wraps because
+        // that is cheap stands for a value that does not.
+        for (format, node) in formats.iter_mut().zip(&NODES) {
+            format.overflow = node.format.overflow;
+        }
         Self {
             settings: *settings,
             formats,

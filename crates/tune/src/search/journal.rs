@@ -50,16 +50,19 @@ struct Header {
 /// Values as bits: exactly what they were, infinities included.
 #[derive(Serialize, Deserialize)]
 struct Record {
+    /// How often the search had begun again on other runs.
+    problem: u64,
     levels: Levels,
     values: Vec<u64>,
 }
 
-const VERSION: u32 = 2;
+const VERSION: u32 = 3;
 
 /// An open journal.
 pub(crate) struct Journal {
     file: File,
-    known: HashMap<Levels, Vec<f64>>,
+    known: HashMap<(u64, Levels), Vec<f64>>,
+    on: u64,
     problem: Option<String>,
 }
 
@@ -83,6 +86,7 @@ impl Journal {
         let mut journal = Self {
             file,
             known: HashMap::new(),
+            on: 0,
             problem: None,
         };
         if text.is_empty() {
@@ -130,19 +134,25 @@ impl Journal {
                     what: error.to_string(),
                 })?;
             let values = record.values.into_iter().map(f64::from_bits).collect();
-            self.known.insert(record.levels, values);
+            self.known.insert((record.problem, record.levels), values);
         }
         Ok(None)
     }
 
     /// The values of a choice that the interrupted search evaluated.
     pub(crate) fn take(&mut self, levels: &Levels) -> Option<Vec<f64>> {
-        self.known.remove(levels)
+        self.known.remove(&(self.on, levels.clone()))
+    }
+
+    /// What follows is evaluated on other runs.
+    pub(crate) const fn next_problem(&mut self) {
+        self.on += 1;
     }
 
     /// Adds an evaluation.
     pub(crate) fn append(&mut self, levels: &Levels, values: &[f64]) {
         let record = Record {
+            problem: self.on,
             levels: levels.clone(),
             values: values.iter().map(|value| value.to_bits()).collect(),
         };

@@ -37,7 +37,18 @@ pub(super) struct Ladder {
     legs: u16,
     pub(super) journal: Option<Journal>,
     /// A stop rule ended it.
-    is_over: bool,
+    pub(super) is_over: bool,
+}
+
+impl Ladder {
+    /// For a problem with other runs: what was evaluated on those before counts as effort only.
+    pub(super) fn again(&mut self) {
+        self.found.clear();
+        (self.done, self.closest, self.legs) = (None, None, 0);
+        if let Some(journal) = &mut self.journal {
+            journal.next_problem();
+        }
+    }
 }
 
 /// Limits that a factor scales.

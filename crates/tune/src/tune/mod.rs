@@ -21,7 +21,7 @@ use std::time::Instant;
 use cardan_datapath::Format;
 
 use self::ladder::Ladder;
-use self::rounds::Found;
+use self::rounds::{Found, Round, Rounds, tune_on};
 use self::uniform::Uniform;
 use crate::budget::{Budget, Constraint, Measure};
 use crate::cost::{Coefficients, Cost, area, bits, counts};
@@ -104,43 +104,62 @@ pub fn tune_with(
 ) -> Result<Outcome, TuneError> {
     let begin = Instant::now();
     let budget = Budget::parse(&options.budget, problem)?;
-    let by_design = wraps_by_design(problem);
-    let found = ranges(problem, options.guard_bits, 0, options.seed);
-    let restrictions = Restrictions {
-        locked: options.locked.clone(),
-        coupled: options.coupled.clone(),
-        widths: options.effective_widths(),
-    };
-    let integer = found.nodes.iter().map(|range| range.integer).collect();
-    let mut plain = Space::new(problem, integer, &restrictions, &by_design)?;
-    let prepared = prepare(problem)?;
-    let pool = Pool::new(problem, &budget, &prepared, &by_design, options.threads);
-    let trimmed = trim::trimmed(problem, &prepared, (&budget, &pool), &found, &plain);
-    let mut space = plain.with_integer(&trimmed);
-    if matches!(options.cost, Cost::Cycles(_)) {
-        (plain, space) = (plain.in_containers(problem), space.in_containers(problem));
+    let mut problem = problem.clone();
+    prepare(&problem)?;
+    let mut warnings = Vec::new();
+    let mut ladder = Ladder::default();
+    if let Some(path) = &options.journal {
+        let (journal, note) = Journal::open(path, &options.identity(&problem))?;
+        warnings.extend(note);
+        ladder.journal = Some(journal);
     }
-    let uniforms = uniform::all(options, &pool, [&plain, &space]);
-    let mut run = Run {
-        problem,
-        options,
-        budget: &budget,
-        by_design: &by_design,
-        plain: &plain,
-        space: &space,
-        prepared: &prepared,
-        pool: &pool,
-        uniforms,
-        on_target,
-        fresh,
-        begin,
-        warnings: unexcited(&found)
-            .chain(unraised(problem, &prepared))
-            .collect(),
-        evaluations: 0,
-        measured: Vec::new(),
-    };
-    run.tune(&found, progress)
+    let mut rounds = Rounds::new(fresh, ladder);
+    rounds.ranged(&mut problem)?;
+    loop {
+        let missed = {
+            let by_design = wraps_by_design(&problem);
+            let found = ranges(&problem, options.guard_bits, 0, options.seed);
+            let restrictions = Restrictions {
+                locked: options.locked.clone(),
+                coupled: options.coupled.clone(),
+                widths: options.effective_widths(),
+            };
+            let integer = found.nodes.iter().map(|range| range.integer).collect();
+            let mut plain = Space::new(&problem, integer, &restrictions, &by_design)?;
+            let prepared = prepare(&problem)?;
+            let pool = Pool::new(&problem, &budget, &prepared, &by_design, options.threads);
+            let trimmed = trim::trimmed(&problem, &prepared, (&budget, &pool), &found, &plain);
+            let mut space = plain.with_integer(&trimmed);
+            if matches!(options.cost, Cost::Cycles(_)) {
+                (plain, space) = (plain.in_containers(&problem), space.in_containers(&problem));
+            }
+            let uniforms = uniform::all(options, &pool, [&plain, &space]);
+            let mut run = Run {
+                problem: &problem,
+                options,
+                budget: &budget,
+                by_design: &by_design,
+                plain: &plain,
+                space: &space,
+                prepared: &prepared,
+                pool: &pool,
+                uniforms,
+                on_target,
+                begin,
+                warnings: unexcited(&found)
+                    .chain(unraised(&problem, &prepared))
+                    .chain(warnings.iter().cloned())
+                    .collect(),
+                evaluations: 0,
+                measured: Vec::new(),
+            };
+            match run.rounds(&mut rounds, progress)? {
+                Round::Found(round) => return run.outcome(*round, rounds.ladder, &found, progress),
+                Round::Missed(cases) => cases,
+            }
+        };
+        tune_on(&mut problem, missed);
+    }
 }
 
 struct Run<'a> {
@@ -157,33 +176,27 @@ struct Run<'a> {
     pool: &'a Pool<'a>,
     uniforms: Vec<Uniform>,
     on_target: Option<&'a OnTargetFn<'a>>,
-    fresh: Option<&'a FreshFn<'a>>,
     begin: Instant,
     warnings: Vec<String>,
+    /// Beside those of the ladder.
     evaluations: u64,
     measured: Vec<Candidate>,
 }
 
 impl Run<'_> {
-    fn tune(
+    fn outcome(
         &mut self,
+        mut found: Found,
+        mut ladder: Ladder,
         ranges: &Ranges,
         progress: &mut dyn FnMut(Progress),
     ) -> Result<Outcome, TuneError> {
         let baseline = self.candidate("uniform 32 bit", &self.plain.uniform(LONGEST));
         let deployed = self.candidate("deployed", &self.problem.deployed());
-        let mut ladder = Ladder::default();
-        if let Some(path) = &self.options.journal {
-            let (journal, note) = Journal::open(path, &self.options.identity(self.problem))?;
-            self.warnings.extend(note);
-            ladder.journal = Some(journal);
-        }
-        let mut found = self.verified(&mut ladder, progress)?;
         let mut pareto = Vec::new();
         if found.feasible {
             pareto = self.pareto(&mut ladder, found.margin, progress)?;
         }
-        self.evaluations += ladder.evaluations;
         let journal_problem = ladder.journal.as_ref().and_then(Journal::problem);
         self.warnings
             .extend(journal_problem.map(|what| format!("the journal is not kept: {what}")));
@@ -239,7 +252,7 @@ impl Run<'_> {
             reason,
             method: name.map(|(_, name)| *name).next().unwrap_or_default(),
             cost: self.options.cost.name(),
-            evaluations: self.evaluations,
+            evaluations: ladder.evaluations + self.evaluations,
             seconds: self.begin.elapsed().as_secs_f64(),
             baseline,
             deployed,

@@ -35,7 +35,8 @@ pub struct Options {
     pub patience: Option<u64>,
     /// Where evaluations are kept for a later continuation.
     pub journal: Option<PathBuf>,
-    /// Fresh runs per round of verification, where a source of them is given.
+    /// Fresh runs per round of verification, where a source of them is given; fewer than 94 of them need
+    /// a model of how far runs stretch a limit.
     pub fresh: u64,
     /// Factors on the limits for the Pareto front.
     pub pareto: Vec<f64>,
@@ -59,7 +60,7 @@ impl Options {
             seconds: None,
             patience: None,
             journal: None,
-            fresh: 20,
+            fresh: 94,
             pareto: vec![4.0, 2.0, 1.0, 0.5, 0.25],
         }
     }

@@ -70,7 +70,7 @@ pub(super) fn trimmed(
     ranges: &Ranges,
     space: &Space,
 ) -> Vec<i32> {
-    let least = least(prepared, ranges);
+    let least = least(problem, ranges);
     let mut integer = space.integer().to_vec();
     let score = |integer: &[i32]| {
         let formats = space.with_integer(integer).uniform(LONGEST);
@@ -106,10 +106,12 @@ pub(super) fn trimmed(
 }
 
 /// Per node the integer bits of what judged steps take, with guard bits where nothing is proven.
-fn least(prepared: &[Prepared<'_>], ranges: &Ranges) -> Vec<i32> {
+/// Those of every run count: a word that is too short for a run that nothing was tuned on is wrong there
+/// by as much as it can hold.
+fn least(problem: &Problem, ranges: &Ranges) -> Vec<i32> {
     let mut spans: Vec<Option<(f64, f64)>> = vec![None; ranges.nodes.len()];
-    for one in prepared {
-        judged_spans(one, &mut spans);
+    for case in problem.cases() {
+        judged_spans(&Prepared::new(problem, case), &mut spans);
     }
     let bits = |(range, span): (&NodeRange, &Option<(f64, f64)>)| {
         // What is meant to wrap needs its range, and an input what its port allows, whatever is judged;

@@ -10,10 +10,12 @@ use crate::deviation::{Deviations, deviations};
 use crate::evaluate::{Evaluator, Prepared, Score};
 use crate::outcome::{Statistics, Stretch, Verification};
 use crate::problem::Case;
-use crate::statistics::{CONTENT, moments, tolerance_factor};
+use crate::statistics::{CONTENT, enough, moments, tolerance_factor};
 
 /// Confidence over all rounds.
 const CONFIDENCE: f64 = 0.95;
+/// Of a single round: the rounds together have [`CONFIDENCE`], since each has runs of its own.
+const CONFIDENCE_OF_A_ROUND: f64 = 1.0 - (1.0 - CONFIDENCE) / ROUNDS as f64;
 /// What largest errors are taken times for tolerances.
 const TOLERANCE: f64 = 2.0;
 /// Fewer fresh runs say nothing of a distribution.
@@ -28,6 +30,27 @@ pub(super) struct Checked {
     pub(super) holds: bool,
     /// The largest stretch of a limit, by statistics where there are any.
     pub(super) stretch: f64,
+}
+
+impl Checked {
+    /// No run misses a limit, whatever few runs tell of others.
+    pub(super) fn holds_so_far(&self) -> bool {
+        self.verification.iter().all(|case| case.pass)
+    }
+
+    /// Runs that nothing was tuned on and that miss a limit: by what factor, and their names.
+    pub(super) fn missed(&self) -> impl Iterator<Item = (f64, &str)> {
+        let missed = |case: &&Verification| case.held_out && !case.pass;
+        let ratio = |case: &Verification| {
+            let ratios = case.reached.iter();
+            let ratios = ratios.map(|reached| reached.ratio.unwrap_or(f64::INFINITY));
+            ratios.fold(0.0, f64::max)
+        };
+        self.verification
+            .iter()
+            .filter(missed)
+            .map(move |case| (ratio(case), case.case.as_str()))
+    }
 }
 
 impl Run<'_> {
@@ -50,13 +73,18 @@ impl Run<'_> {
         };
         let tuned = largest(Kind::Tuned);
         let statistics = self.statistics(&results);
-        let by_statistics = statistics.as_ref().map_or(0.0, |found| {
-            found
-                .stretches
-                .iter()
-                .map(|stretch| stretch.bound)
-                .fold(0.0, f64::max)
-        });
+        // So many runs that hold, without exception, need no model of how they scatter.
+        let by_statistics =
+            statistics
+                .as_ref()
+                .filter(|found| !found.by_count)
+                .map_or(0.0, |found| {
+                    found
+                        .stretches
+                        .iter()
+                        .map(|stretch| stretch.bound)
+                        .fold(0.0, f64::max)
+                });
         let stretch = [
             by_statistics,
             tuned,
@@ -106,7 +134,7 @@ impl Run<'_> {
         if fresh.len() < FEWEST {
             return None;
         }
-        let factor = tolerance_factor(fresh.len(), 1.0 - (1.0 - CONFIDENCE) / ROUNDS as f64);
+        let factor = tolerance_factor(fresh.len(), CONFIDENCE_OF_A_ROUND);
         let measured = self.budget.0.iter().enumerate().filter(|(_, constraint)| {
             // What is the same in every run, or is no number but a yes or no.
             !matches!(
@@ -127,12 +155,15 @@ impl Run<'_> {
                 bound: if bound.is_nan() { f64::INFINITY } else { bound },
             }
         };
+        let holding = fresh
+            .iter()
+            .filter(|result| result.score.is_feasible())
+            .count();
+        let runs = fresh.len();
         Some(Statistics {
-            runs: fresh.len(),
-            holding: fresh
-                .iter()
-                .filter(|result| result.score.is_feasible())
-                .count(),
+            runs,
+            holding,
+            by_count: holding == runs && enough(runs, CONFIDENCE_OF_A_ROUND),
             rounds: 1,
             confidence: CONFIDENCE,
             content: CONTENT,

@@ -45,19 +45,15 @@ pub(super) fn render(outcome: &Outcome) -> String {
     if let Some(found) = &outcome.statistics {
         let _ = writeln!(out, "{}", told(found));
     }
-    let shown = |case: &&Verification| case.held_out && !(case.fresh && case.pass);
-    for case in outcome.verification.iter().filter(shown) {
+    held_out(&mut out, &outcome.verification);
+    let missed = |case: &&Verification| case.held_out && !case.pass;
+    for case in outcome.verification.iter().filter(missed) {
         let over = case
             .over_tuning
             .map_or("-".to_owned(), |over| format!("{over:.2}"));
-        let verdict = if case.pass {
-            "within the budget"
-        } else {
-            "MISSES the budget"
-        };
         let _ = writeln!(
             out,
-            "held out, {}: {verdict}, {over} times the error tuned on",
+            "held out, {}: MISSES the budget, {over} times the error tuned on",
             case.case
         );
         let differing = case.flags.iter().filter(|flag| flag.differing > 0);
@@ -82,6 +78,27 @@ pub(super) fn render(outcome: &Outcome) -> String {
         ),
     };
     out
+}
+
+/// Runs that errors were not tuned on, fresh ones apart, and that hold.
+fn held_out(out: &mut String, verification: &[Verification]) {
+    let own = |case: &&Verification| case.held_out && !case.fresh && case.pass;
+    let over: Vec<f64> = verification
+        .iter()
+        .filter(own)
+        .filter_map(|case| case.over_tuning)
+        .collect();
+    if over.is_empty() {
+        return;
+    }
+    let least = over.iter().copied().fold(f64::INFINITY, f64::min);
+    let most = over.iter().copied().fold(0.0, f64::max);
+    let _ = writeln!(
+        out,
+        "{} held-out runs, which ranges alone are taken from: within the budget, {least:.2} to {most:.2} \
+         times the error tuned on",
+        over.len()
+    );
 }
 
 /// What does not hold comes first.
