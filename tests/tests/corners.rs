@@ -108,7 +108,7 @@ fn bad_corner_files_and_options_are_refused_before_anything_runs() {
             "{said}"
         );
     }
-    for options in [&["--jobs", "0"][..], &["--mc", "-1"], &["--report", "x"]] {
+    for options in [&["--jobs", "0"][..], &["--mc", "-1"], &["--junit", "x"]] {
         assert_eq!(corners(FILE, options).status.code(), Some(2), "{options:?}");
     }
     for setting in [

@@ -110,6 +110,7 @@ fn leaves_are_leaves_and_link_knows_no_product() {
     reaches_only("cardan-spec", &["cardan-units"]);
     reaches_only("cardan-datapath", &[]);
     reaches_only("cardan-link", &[]);
+    reaches_only("cardan-page", &[]);
 }
 
 #[test]

@@ -254,9 +254,9 @@ fn ranges_stand_side_by_side_and_what_is_proven_has_no_witness() {
     }
     let page = fs::read_to_string(folder.path().join("ranges.html")).expect("is written");
     for word in [
-        "<th>simulated</th>",
-        "<th>interval</th>",
-        "<th>affine</th>",
+        ">simulated</th>",
+        ">interval</th>",
+        ">affine</th>",
         "weight_1",
     ] {
         assert!(page.contains(word), "{word}");

@@ -1,6 +1,7 @@
 //! An application: one algorithm with its golden model, board, sensors and nodes.
 
 use cardan_datapath::{Format, NodeInfo};
+use cardan_numerics::tape::Flow;
 use cardan_outputs::{Check, Message, Outputs};
 use cardan_scenario::Scenario;
 use cardan_spec::ThirdTilt;
@@ -172,6 +173,11 @@ pub trait App: Sync {
     /// # Errors
     /// Runs without a whole solution.
     fn problem(&self, tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Result<Problem, String>;
+    /// Which nodes' values enter which, in the algorithm with these settings.
+    ///
+    /// # Errors
+    /// An algorithm that cannot be recorded.
+    fn flow(&self, configuration: &Configuration) -> Result<Flow, String>;
     /// The device's settings in the content of an EEPROM, checked, as they go over the serial line.
     ///
     /// # Errors

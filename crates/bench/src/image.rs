@@ -14,6 +14,8 @@ pub struct Firmware {
     pub name: String,
     /// Its format table, if it carries one.
     pub formats: Option<FormatTable>,
+    /// Digest of the sources that it was made of, if it tells.
+    pub sources: Option<String>,
     /// Address of the tap table in the data space, if it has taps.
     pub taps: Option<TapTable>,
     /// What is written into the EEPROM instead of the bench's own calibration.
@@ -76,6 +78,8 @@ impl Firmware {
     pub fn parse(name: &str, bytes: &[u8]) -> Result<Self, ImageError> {
         let image = Image::parse(name, bytes, &ATMEGA328P)?;
         let formats = FormatTable::of(name, bytes)?;
+        let sources = content_of(name, bytes, taps::SOURCES_SYMBOL)?;
+        let digits = |found: &[u8]| String::from_utf8_lossy(found).into_owned();
         let taps = image.symbol(taps::TABLE_SYMBOL).map(|symbol| TapTable {
             address: symbol.address as usize,
             len: symbol.size as usize / 4,
@@ -84,6 +88,7 @@ impl Firmware {
             image,
             name: name.to_owned(),
             formats,
+            sources: sources.as_deref().map(digits),
             taps,
             eeprom: None,
         })
@@ -154,29 +159,16 @@ impl FormatTable {
     /// # Errors
     /// A damaged file or table.
     pub fn of(name: &str, bytes: &[u8]) -> Result<Option<Self>, ImageError> {
-        let fail = |problem: &str| ImageError::Table {
-            file: name.to_owned(),
-            symbol: taps::FORMATS_SYMBOL,
-            problem: problem.to_owned(),
-        };
-        if !bytes.starts_with(&object::elf::ELFMAG) {
-            return Ok(None);
-        }
-        let file = object::File::parse(bytes).map_err(|error| fail(&error.to_string()))?;
-        let Some(symbol) = file.symbol_by_name(taps::FORMATS_SYMBOL) else {
+        let Some(content) = content_of(name, bytes, taps::FORMATS_SYMBOL)? else {
             return Ok(None);
         };
-        let section = symbol
-            .section_index()
-            .and_then(|index| file.section_by_index(index).ok())
-            .ok_or_else(|| fail("lies in no section"))?;
-        let start = symbol.address().wrapping_sub(section.address());
-        let bytes = section
-            .data()
-            .ok()
-            .and_then(|data| data.get(usize::try_from(start).ok()?..))
-            .ok_or_else(|| fail("lies beyond its section"))?;
-        Self::read(bytes).map(Some).map_err(fail)
+        Self::read(&content)
+            .map(Some)
+            .map_err(|problem| ImageError::Table {
+                file: name.to_owned(),
+                symbol: taps::FORMATS_SYMBOL,
+                problem: problem.to_owned(),
+            })
     }
 
     fn read(bytes: &[u8]) -> Result<Self, &'static str> {
@@ -202,4 +194,42 @@ impl FormatTable {
             .ok_or("holds a word length or mode that does not exist")?;
         Ok(Self { hash, formats })
     }
+}
+
+/// What `symbol` names in the bytes of program `name`; none if there is no such symbol, or if the file has
+/// none at all. It lies in flash, or in a section that is not loaded.
+fn content_of(
+    name: &str,
+    bytes: &[u8],
+    symbol: &'static str,
+) -> Result<Option<Vec<u8>>, ImageError> {
+    let fail = |problem: &str| ImageError::Table {
+        file: name.to_owned(),
+        symbol,
+        problem: problem.to_owned(),
+    };
+    if !bytes.starts_with(&object::elf::ELFMAG) {
+        return Ok(None);
+    }
+    let file = object::File::parse(bytes).map_err(|error| fail(&error.to_string()))?;
+    let Some(found) = file.symbol_by_name(symbol) else {
+        return Ok(None);
+    };
+    let section = found
+        .section_index()
+        .and_then(|index| file.section_by_index(index).ok())
+        .ok_or_else(|| fail("lies in no section"))?;
+    let start = found.address().wrapping_sub(section.address());
+    let content = section
+        .data()
+        .ok()
+        .and_then(|data| data.get(usize::try_from(start).ok()?..))
+        .ok_or_else(|| fail("lies beyond its section"))?;
+    let length = usize::try_from(found.size()).unwrap_or(usize::MAX);
+    // Without a size (assembler by hand), all that follows.
+    let content = match length {
+        0 => content,
+        _ => content.get(..length).unwrap_or(content),
+    };
+    Ok(Some(content.to_vec()))
 }

@@ -6,12 +6,13 @@ use cardan_bench::app::{Evidence, Feed};
 use cardan_bench::{App, Conversion, Engine, EngineError, Sink, SinkError};
 use cardan_compare::{
     Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, Limit, LinkStatistics,
-    Messages, NOT_JUDGED, Node, Reproduce, RoundingStep, Run, Series, Tolerance, TruthTolerance,
-    TunedError, TunedTo,
+    Messages, NOT_JUDGED, Node, NodeInput, Reproduce, RoundingStep, Run, Series, Tolerance,
+    TruthTolerance, TunedError, TunedTo,
 };
 use cardan_datapath::NodeInfo;
 use cardan_datapath::wordlengths::Tuned;
 use cardan_golden::Angles;
+use cardan_numerics::tape::Flow;
 use cardan_outputs::{Check, Message, Status};
 use cardan_scenario::tolerance::Tolerance as ScenarioTolerance;
 use cardan_scenario::{Trajectory, report};
@@ -93,7 +94,7 @@ pub(crate) fn without_shares(
     }
     Ok(Comparison {
         run,
-        nodes: nodes(setup, collected, flags.len()),
+        nodes: nodes(setup, collected, flags.len())?,
         frames: Frames {
             native: collected.native_frames.clone(),
             emulated: collected.emulated_frames.clone(),
@@ -107,6 +108,7 @@ pub(crate) fn without_shares(
         },
         status: status(collected),
         checks: checks(setup, collected)?,
+        stale: setup.stale.clone(),
         stage_limits: stage_limits(&widened),
         most_flagged: most_flagged(&widened),
         tuned: setup.tuned.as_ref().map(tuned_to),
@@ -247,8 +249,9 @@ fn status(collected: &Collected) -> Vec<Status> {
         .collect()
 }
 
-fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
+fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Result<Vec<Node>, Failure> {
     let app = setup.app;
+    let flow = app.flow(&collected.configuration).map_err(Failure::input)?;
     let averaging = collected.configuration.averaging();
     let bundled = app.tolerances();
     let golden_of = |node: usize| {
@@ -270,6 +273,10 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
         Some(Node {
             name: info.name.to_owned(),
             unit: info.unit.to_owned(),
+            meaning: info.meaning.to_owned(),
+            inputs: inputs_of(&flow, index, app.nodes()),
+            operations: operations_of(&flow, index),
+            position: flow.position(index),
             per_solution,
             format: Some(Format {
                 word: format.word,
@@ -297,7 +304,26 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Vec<Node> {
             allowance: allowance(&bundled, info.name),
         })
     };
-    app.nodes().iter().enumerate().filter_map(listed).collect()
+    Ok(app.nodes().iter().enumerate().filter_map(listed).collect())
+}
+
+/// The nodes whose values enter a node.
+pub(crate) fn inputs_of(flow: &Flow, node: usize, nodes: &[NodeInfo]) -> Vec<NodeInput> {
+    let entering = flow.edges.iter().filter(|edge| edge.to == node);
+    let named = entering.filter_map(|edge| {
+        Some(NodeInput {
+            node: nodes.get(edge.from)?.name.to_owned(),
+            earlier: edge.earlier,
+        })
+    });
+    named.collect()
+}
+
+/// What writes a node, in words.
+pub(crate) fn operations_of(flow: &Flow, node: usize) -> Vec<String> {
+    let words = flow.position(node).map(|at| &flow.operations[at]);
+    let words = words.into_iter().flatten();
+    words.map(|&word| word.to_owned()).collect()
 }
 
 /// The tolerance that the scenario sets, in place of what rounding explains.

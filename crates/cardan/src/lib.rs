@@ -2,6 +2,7 @@
 //!
 //! [`main`] is the whole program. [`rig`] is a session of `compare` as a library.
 
+mod ci;
 mod commands;
 mod dump;
 mod eeprom_file;
@@ -18,8 +19,9 @@ mod verdict;
 
 use std::process::ExitCode;
 
-use clap::{Parser, Subcommand};
+use clap::{CommandFactory, Parser, Subcommand};
 
+use crate::commands::help;
 use crate::output::Output;
 
 /// Proves fixed-point sensor firmware before silicon: golden model, native run and cycle-accurate
@@ -29,6 +31,7 @@ use crate::output::Output;
     name = "cardan",
     version,
     propagate_version = true,
+    after_help = help::TOP,
     arg_required_else_help = true
 )]
 struct Cli {
@@ -42,22 +45,47 @@ struct Cli {
 #[derive(Subcommand)]
 enum Command {
     /// Run golden model, native firmware and emulated firmware, and judge them
+    #[command(after_help = help::COMPARE)]
     Compare(commands::compare::CompareArgs),
     /// Take part in a session as the golden model
+    #[command(after_help = help::GOLDEN)]
     Golden(commands::participants::ModelArgs),
     /// Take part in a session as the native firmware
+    #[command(after_help = help::NATIVE)]
     Native(commands::participants::ModelArgs),
     /// Take part in a session as the emulated board
+    #[command(after_help = help::EMULATE)]
     Emulate(commands::participants::EmulateArgs),
     /// Take part in a session as the judge
+    #[command(after_help = help::DIFF)]
     Diff(commands::participants::DiffArgs),
+    #[command(after_help = help::TUNE)]
     Tune(Box<commands::tune::Arguments>),
+    #[command(after_help = help::RANGES)]
     Ranges(commands::ranges::Arguments),
+    #[command(after_help = help::CALIBRATE)]
     Calibrate(commands::calibrate::Arguments),
+    #[command(after_help = help::ACCURACY)]
     Accuracy(commands::accuracy::Arguments),
+    #[command(after_help = help::RUN)]
     Run(commands::run::Arguments),
+    #[command(after_help = help::BUILD)]
     Build(commands::build::Arguments),
+    #[command(after_help = help::DOCTOR)]
     Doctor(commands::doctor::Arguments),
+    /// Print the completions of a shell
+    #[command(after_help = help::COMPLETIONS)]
+    Completions {
+        /// Shell
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page, or write one per verb
+    #[command(after_help = help::MAN)]
+    Man {
+        /// Write cardan.1 and a page per verb into this folder
+        #[arg(long, value_name = "DIR")]
+        out: Option<std::path::PathBuf>,
+    },
 }
 
 /// The program: parses the arguments, runs the verb, and gives its exit code.
@@ -84,6 +112,8 @@ pub fn main() -> ExitCode {
         Command::Run(args) => commands::run::execute(args, output),
         Command::Build(args) => commands::build::execute(args, output),
         Command::Doctor(args) => commands::doctor::execute(args, output),
+        Command::Completions { shell } => commands::manual::completions(*shell, Cli::command()),
+        Command::Man { out } => commands::manual::man(out.as_deref(), Cli::command(), output),
     };
     match done {
         Ok(code) => code,

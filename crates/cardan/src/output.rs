@@ -2,7 +2,12 @@
 
 use std::io::{self, IsTerminal, Write};
 
+use cardan_page::text::Style;
 use clap::Args;
+use rustix::termios::tcgetwinsize;
+
+/// Width of text that no terminal shows: every column has room.
+const WIDE: usize = 200;
 
 /// Options of every command.
 #[derive(Args, Clone, Copy, Debug)]
@@ -40,10 +45,29 @@ impl Output {
         self.quiet
     }
 
-    /// True if the text on standard output may have colours: a terminal, and NO_COLOR is not set.
-    pub(crate) fn has_colour(self) -> bool {
-        let wanted = std::env::var_os("NO_COLOR").is_none_or(|value| value.is_empty());
-        wanted && !self.json && io::stdout().is_terminal()
+    /// Layout of text for people: colours on a terminal, unless NO_COLOR is set, or where CLICOLOR_FORCE asks
+    /// for them (the environment's conventions); as wide as COLUMNS says or the terminal is. Beside JSON the
+    /// text goes to standard error.
+    pub(crate) fn style(self) -> Style {
+        let is_set = |name: &str| std::env::var_os(name).is_some_and(|value| !value.is_empty());
+        let forced =
+            is_set("CLICOLOR_FORCE") && std::env::var("CLICOLOR_FORCE").as_deref() != Ok("0");
+        let (is_terminal, size) = if self.json {
+            (io::stderr().is_terminal(), tcgetwinsize(io::stderr()))
+        } else {
+            (io::stdout().is_terminal(), tcgetwinsize(io::stdout()))
+        };
+        let columns = std::env::var("COLUMNS")
+            .ok()
+            .and_then(|text| text.parse().ok());
+        let of_terminal = size
+            .ok()
+            .map(|size| usize::from(size.ws_col))
+            .filter(|&width| width > 0);
+        Style {
+            color: !is_set("NO_COLOR") && (forced || is_terminal),
+            width: columns.or(of_terminal).unwrap_or(WIDE),
+        }
     }
 
     /// The command's JSON document.

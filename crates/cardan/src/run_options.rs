@@ -19,6 +19,9 @@ use crate::toolchain::{self, BOARDS};
 /// Name of the image that is part of this program.
 const BUNDLED_IMAGE: &str = "bundled image";
 
+/// Digest of the firmware sources that this program was compiled from; empty where they were not there.
+const SOURCES: &str = env!("CARDAN_SOURCES");
+
 /// Longest run in simulated seconds.
 const MOST_SECONDS: f64 = 1e6;
 
@@ -37,6 +40,9 @@ pub(crate) struct RunOptions {
     /// Firmware to emulate instead of the bundled ATmega328P image
     #[arg(long, value_name = "ELF")]
     pub(crate) firmware: Option<PathBuf>,
+    /// Build the image from the checkout that this is run in, and emulate that
+    #[arg(long, conflicts_with = "firmware")]
+    pub(crate) build: bool,
     /// Content of the device's EEPROM (.hex, .eep or .bin, as `calibrate --out` writes it) instead of
     /// the scenario's calibration
     #[arg(long, value_name = "FILE")]
@@ -47,8 +53,9 @@ pub(crate) struct RunOptions {
     /// Simulated seconds (a recording may end the run earlier)
     #[arg(long, value_name = "S", allow_negative_numbers = true)]
     pub(crate) seconds: Option<f64>,
-    /// Gives a numeric scenario parameter another value, turns the switch noise.enabled to true or
-    /// false, or sensors.third_tilt to measured, comparator or absent; may be repeated
+    /// Gives a number of the scenario another value (any numeric key of --print-scenario with its table,
+    /// limits as tolerance.truth.rms_deg or tolerance.nodes.NODE too), turns the switch noise.enabled to
+    /// true or false, or sensors.third_tilt to measured, comparator or absent; may be repeated
     #[arg(long, value_name = "KEY=VALUE", value_parser = setting)]
     pub(crate) set: Vec<(String, f64)>,
     /// Seed of every random number
@@ -72,6 +79,8 @@ pub(crate) struct Setup {
     pub(crate) firmware: Firmware,
     /// Formats of the native run when they are not the deployed ones.
     pub(crate) formats: Option<Vec<Format>>,
+    /// What the checkout says of image and program, where its firmware is another.
+    pub(crate) stale: Option<String>,
     /// Why the limits of the bundled scenario do not apply.
     pub(crate) not_judged: Option<String>,
     /// What the formats were tuned to, as their file says.
@@ -132,6 +141,7 @@ impl RunOptions {
             scenario.set(key, *value).map_err(Failure::input)?;
         }
         scenario.check().map_err(Failure::input)?;
+        check_nodes(&scenario, app)?;
         let seconds = self.seconds.unwrap_or(scenario.seconds);
         if !(seconds.is_finite() && seconds > 0.0 && seconds <= MOST_SECONDS) {
             return Err(Failure::input(format!(
@@ -144,10 +154,15 @@ impl RunOptions {
         for (node, format) in table.iter_mut().zip(formats.iter().flatten()) {
             node.format = *format;
         }
+        let stale = self.stale(&firmware);
         firmware
             .check_formats(&table, formats_hash)
-            .map_err(Failure::input)?;
+            .map_err(|error| match &stale {
+                Some(what) => Failure::input(format!("{error}\n{what}")),
+                None => Failure::input(error),
+            })?;
         Ok(Setup {
+            stale,
             app,
             scenario,
             firmware,
@@ -193,12 +208,20 @@ impl RunOptions {
         let parse = |name: &str, bytes: &[u8]| Firmware::parse(name, bytes).map_err(Failure::input);
         match (&self.firmware, formats) {
             (Some(file), _) => parse(&file.display().to_string(), &read(file)?),
-            (None, Some(formats)) => {
-                let declared = toolchain::declared(app.nodes(), formats);
-                let built = toolchain::build_board(&BOARDS[0], tapped, Some(&declared), true)?;
+            (None, formats) if formats.is_some() || self.build => {
+                let declared = formats.map(|formats| toolchain::declared(app.nodes(), formats));
+                if self.build && toolchain::here().is_none() {
+                    let expected =
+                        "expected a checkout of the repository around the current folder";
+                    return Err(Failure::input(format!(
+                        "--build: {expected}; change into one, or give an image with --firmware"
+                    )));
+                }
+                let declared = declared.as_deref();
+                let built = toolchain::build_board(&BOARDS[0], tapped, declared, true)?;
                 parse(&built.file.display().to_string(), &built.elf)
             }
-            (None, None) => {
+            (None, _) => {
                 let bytes = app.bundled(tapped).ok_or_else(|| {
                     let name = app.name();
                     Failure::input(format!("application {name} has no image; give --firmware"))
@@ -214,8 +237,52 @@ impl RunOptions {
             (setup.firmware.name != BUNDLED_IMAGE).then(|| (&setup.firmware.name).into());
         Self {
             firmware,
+            build: false,
             ..self.clone()
         }
+    }
+
+    /// What the checkout that the user stands in says of the image and of this program: nothing where its
+    /// firmware is what both were made of, where an image does not tell, and outside a checkout.
+    fn stale(&self, firmware: &Firmware) -> Option<String> {
+        let (checkout, present) = toolchain::digest_here()?;
+        let image = firmware.sources.as_ref();
+        let is_image_stale = image.is_some_and(|sources| *sources != present);
+        let is_native_stale = !SOURCES.is_empty() && SOURCES != present;
+        let native = "this program's native firmware";
+        let image = match firmware.name.as_str() {
+            BUNDLED_IMAGE => "the bundled image".to_owned(),
+            file => format!("image {file}"),
+        };
+        let (what, program, build) = match (is_image_stale, is_native_stale) {
+            (false, false) => return None,
+            (true, false) => (image, "cardan", " --build"),
+            (true, true) => (
+                format!("{native} and {image}"),
+                "cargo run --release --",
+                " --build",
+            ),
+            (false, true) => (native.to_owned(), "cargo run --release --", " --build"),
+        };
+        let mut command = format!("{program} compare{build}");
+        let without_image = Self {
+            firmware: None,
+            ..self.clone()
+        };
+        for argument in without_image.arguments() {
+            command.push(' ');
+            command.push_str(&argument.to_string_lossy());
+        }
+        let were = if is_image_stale && is_native_stale {
+            "were"
+        } else {
+            "was"
+        };
+        Some(format!(
+            "{what} {were} made of other firmware sources than those in {}; to build and compare these: \
+             {command}",
+            checkout.display()
+        ))
     }
 
     /// The options as arguments for a child process.
@@ -246,6 +313,25 @@ impl RunOptions {
         }
         arguments
     }
+}
+
+/// Limits of single nodes are of nodes that there are.
+fn check_nodes(scenario: &Scenario, app: &dyn App) -> Result<(), Failure> {
+    let names = || app.nodes().iter().map(|node| node.name);
+    let unknown = scenario.tolerance.nodes.keys();
+    let unknown = unknown.filter(|node| !names().any(|name| name == node.as_str()));
+    for node in unknown {
+        let near = names()
+            .map(|name| (strsim::jaro_winkler(name, node), name))
+            .max_by(|a, b| a.0.total_cmp(&b.0))
+            .map_or("", |(_, name)| name);
+        return Err(Failure::input(format!(
+            "tolerance.nodes.{node}: the application {} has no such node; did you mean '{near}'? (all: \
+             cardan compare --explain all)",
+            app.name()
+        )));
+    }
+    Ok(())
 }
 
 /// `KEY=VALUE` of `--set`; whether there is such a parameter shows when the scenario is read.

@@ -4,10 +4,11 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use cardan_bench::App;
-use cardan_compare::table::{self, Style};
+use cardan_compare::table;
 use cardan_compare::{Comparison, Verdict, compare, html};
 use clap::Args;
 
+use crate::ci::CiOptions;
 use crate::dump::{self, DumpOptions};
 use crate::failure::{Done, Failure, code};
 use crate::output::Output;
@@ -22,10 +23,9 @@ pub(crate) struct Extras {
     pub(crate) report: Option<PathBuf>,
     #[command(flatten)]
     pub(crate) dump: DumpOptions,
+    #[command(flatten)]
+    pub(crate) ci: CiOptions,
 }
-
-/// Width of tables where the terminal does not say.
-const WIDTH: usize = 100;
 
 /// Judges, prints, writes; the exit code is the verdict.
 pub(crate) fn publish(
@@ -35,7 +35,8 @@ pub(crate) fn publish(
     dump: Option<(&dump::Plan, &dyn App)>,
     output: Output,
 ) -> Done {
-    let report = compare(comparison);
+    let mut report = compare(comparison);
+    extras.ci.judge(&mut report)?;
     if let Some(folder) = &extras.report {
         let path = html::write(&report, comparison, folder).map_err(Failure::input)?;
         output.note(&format!("report: {}", path.display()));
@@ -44,16 +45,11 @@ pub(crate) fn publish(
         plan.write(app, comparison, collected)?;
         output.note(&format!("dump: {}", plan.file().display()));
     }
+    extras.ci.write(&report, output)?;
     if output.is_json() {
         output.document(&report);
     }
-    output.result(&table::render(
-        &report,
-        Style {
-            color: output.has_colour(),
-            width: WIDTH,
-        },
-    ));
+    output.result(&table::render(&report, output.style()));
     if let Some(crash) = &collected.emulated_summary.crash {
         output.error(&format!("the emulated program crashed: {crash}"));
         return Ok(ExitCode::from(code::CRASH));

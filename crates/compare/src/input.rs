@@ -35,6 +35,9 @@ pub struct Comparison {
     pub attitudes: Attitudes,
     /// Limits on the error against truth, if the scenario sets any.
     pub truth_tolerance: Option<TruthTolerance>,
+    /// What the checkout's firmware sources say of the image and of this program, where they are others
+    /// than both were made of; with the command that mends it.
+    pub stale: Option<String>,
     /// Counters of the emulator.
     pub emulator: EmulatorStatistics,
     /// Counters of the link.
@@ -69,6 +72,14 @@ pub struct Run {
 pub struct Node {
     /// Name.
     pub name: String,
+    /// What it is, in one line; may be empty.
+    pub meaning: String,
+    /// The nodes whose values enter it; empty where the data flow is not known.
+    pub inputs: Vec<NodeInput>,
+    /// What writes it, in words; empty where that is not known.
+    pub operations: Vec<String>,
+    /// Its place in the order of first writes, where the data flow is known.
+    pub position: Option<usize>,
     /// Unit; differences of `half_turn` nodes are wrapped to half a turn either way.
     pub unit: String,
     /// Values per solution; 0 is taken as 1.
@@ -97,6 +108,15 @@ pub struct Node {
     pub tuned: Option<Tolerance>,
     /// By how much golden and the real interpretation may differ, beside rounding.
     pub allowance: Option<Tolerance>,
+}
+
+/// A node whose value enters another.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct NodeInput {
+    /// Its name.
+    pub node: String,
+    /// The value is an earlier solution's.
+    pub earlier: bool,
 }
 
 /// The difference that rounding is expected to make: native less real.
@@ -174,6 +194,49 @@ pub struct Format {
     pub rounding: String,
     /// Overflow mode.
     pub overflow: String,
+}
+
+impl Format {
+    /// Smallest and largest raw word.
+    #[must_use]
+    pub fn raw_range(&self) -> (i64, i64) {
+        let half = 1i128 << self.word.clamp(1, 64).saturating_sub(1);
+        ((-half) as i64, (half - 1) as i64)
+    }
+
+    /// True if the word covers one turn of an angle in half turns exactly, so that wrapping is right.
+    fn is_one_turn(&self) -> bool {
+        i64::from(self.word) - i64::from(self.frac) == 1
+    }
+}
+
+/// What a node's overflows do to it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum OnOverflow {
+    /// It stays at the end of its range.
+    Saturates,
+    /// It comes back at the other end, which is wrong for what it holds.
+    Wraps,
+    /// It comes back at the other end, as angles do.
+    Turns,
+}
+
+impl Node {
+    /// What an overflow does to it.
+    #[must_use]
+    pub fn on_overflow(&self) -> OnOverflow {
+        match &self.format {
+            Some(format) if format.overflow == "wrap" => {
+                if self.unit == crate::metrics::WRAPPING_UNIT && format.is_one_turn() {
+                    OnOverflow::Turns
+                } else {
+                    OnOverflow::Wraps
+                }
+            }
+            _ => OnOverflow::Saturates,
+        }
+    }
 }
 
 impl fmt::Display for Format {

@@ -40,7 +40,7 @@
 mod attitude;
 mod bits;
 mod budget;
-pub mod format;
+mod cause;
 pub mod html;
 mod input;
 mod limit;
@@ -51,16 +51,18 @@ mod report;
 pub mod table;
 mod verdict;
 
+pub use cardan_page::format;
+
 pub use attitude::{AttitudeErrors, Spread};
 pub use bits::{BitComparison, BitMismatch, FrameComparison, FrameMismatch};
 pub use budget::{AngleSpread, BudgetDetail, ErrorBudget, PartDetail, RoundingShare};
 pub use input::{
     Assumed, Attitudes, Comparison, EmulatorStatistics, Expectation, Format, Frames, Limit,
-    LinkStatistics, Messages, NOT_JUDGED, Node, Reproduce, RoundingStep, Run, Series, Tolerance,
-    TruthTolerance, TunedError, TunedTo,
+    LinkStatistics, Messages, NOT_JUDGED, Node, NodeInput, OnOverflow, Reproduce, RoundingStep,
+    Run, Series, Tolerance, TruthTolerance, TunedError, TunedTo,
 };
 pub use messages::{FlagCount, OutputReport, Statistics};
 pub use metrics::{Difference, Normalised, Violation};
-pub use nodes::NodeReport;
+pub use nodes::{NodeReport, NodeStatus, Occurrence};
 pub use report::{Report, compare};
 pub use verdict::{Reason, Verdict};

@@ -123,6 +123,15 @@ pub(crate) fn either_status(comparison: &Comparison) -> Vec<u16> {
         .collect()
 }
 
+/// Golden's status words; native's where golden's are not known.
+pub(crate) fn golden_status(comparison: &Comparison) -> Vec<u16> {
+    if comparison.status.is_empty() {
+        return comparison.flags.clone();
+    }
+    let golden = comparison.status.iter();
+    golden.map(|status| status.set as u16).collect()
+}
+
 /// Both sides, native first.
 fn sides(comparison: &Comparison) -> [Side<'_>; 2] {
     let messages = &comparison.messages;

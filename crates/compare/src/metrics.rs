@@ -168,7 +168,8 @@ impl Difference {
             limit: judged.used.map(|used| match rule.limit {
                 Limits::Expected { .. } if used > 0.0 => max_abs / used,
                 Limits::Absolute(limit) => limit,
-                _ => 0.0,
+                // Every difference is exactly what was expected: the widest of what is permitted.
+                _ => judged.widest,
             }),
             normalised: judged.normalised(),
             unbounded: judged.unbounded,
@@ -181,6 +182,8 @@ impl Difference {
 struct Judged {
     /// Largest share of its limit that any value takes.
     used: Option<f64>,
+    /// Largest difference that any value is permitted, the expected one included.
+    widest: f64,
     sum: f64,
     square: f64,
     /// Values with a deviation.
@@ -208,10 +211,9 @@ impl Judged {
                     self.square += deviations * deviations;
                     self.count += 1;
                 }
-                (
-                    error.abs(),
-                    allowance + most * expectation.deviation + least,
-                )
+                let limit = allowance + most * expectation.deviation + least;
+                self.widest = larger(self.widest, expectation.bias.abs() + limit);
+                (error.abs(), limit)
             }
         };
         let used = if size == 0.0 { 0.0 } else { size / limit };

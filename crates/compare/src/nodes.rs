@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use crate::bits::BitComparison;
-use crate::input::{Format, Node};
+use crate::input::{Format, Node, NodeInput, OnOverflow};
 use crate::limit::{most_bias, most_deviations, most_rms};
 use crate::metrics::{Against, Difference, Limits, Pair, Rule, WRAPPING_UNIT, exceeds};
 use crate::verdict::Reason;
@@ -39,6 +39,41 @@ pub struct NodeReport {
     pub tolerance_reason: Option<String>,
     /// Values beyond the last complete solution, which are not judged against golden.
     pub unfinished: u64,
+    /// What it is, in one line.
+    pub meaning: String,
+    /// The nodes whose values enter it.
+    pub inputs: Vec<NodeInput>,
+    /// What an overflow does to it.
+    pub on_overflow: OnOverflow,
+    /// The first value beyond its range by itself, in a solution without golden's status flags.
+    pub first_overflow: Option<Occurrence>,
+    /// What the table says of it.
+    pub status: NodeStatus,
+}
+
+/// A node in one word.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "lowercase")]
+pub enum NodeStatus {
+    /// Nothing is wrong.
+    Ok,
+    /// It leaves its range and stays at the end, and nothing that is judged is wrong.
+    Saturates,
+    /// It leaves its range and wraps, which its unit does not do, and nothing that is judged is wrong.
+    Wraps,
+    /// Something is wrong.
+    Fail,
+}
+
+/// A value that a node's format does not hold.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Occurrence {
+    /// Index of the value in the node's stream.
+    pub sample: usize,
+    /// Index of the solution.
+    pub solution: usize,
+    /// The value of the same algorithm in f64.
+    pub real: f64,
 }
 
 impl NodeReport {
@@ -54,13 +89,18 @@ impl NodeReport {
 
 /// Reports a node and adds what is wrong with it to `reasons`; that it has no value to judge, which
 /// follows from something else, to `unjudged`.
+///
+/// `flags` are both sides' status words together, `golden_flags` golden's alone: what the device flags for
+/// an overflow of its own is no excuse for it.
 pub(crate) fn report(
     node: &Node,
     flags: &[u16],
+    golden_flags: &[u16],
     reasons: &mut Vec<Reason>,
     unjudged: &mut Vec<Reason>,
 ) -> NodeReport {
     let before = reasons.len() + unjudged.len();
+    let on_overflow = node.on_overflow();
     let per_solution = node.per_solution.max(1);
     let compare = |values: &Option<Vec<f64>>, against: Against| {
         let rule = Rule {
@@ -87,7 +127,12 @@ pub(crate) fn report(
         samples: node.native.len() as u64,
         min: node.native.iter().min().map(|&raw| raw as f64 * node.lsb),
         max: node.native.iter().max().map(|&raw| raw as f64 * node.lsb),
+        meaning: node.meaning.clone(),
+        inputs: node.inputs.clone(),
         overflows: node.overflows,
+        on_overflow,
+        first_overflow: first_overflow(node, golden_flags),
+        status: NodeStatus::Ok,
         golden_vs_native,
         real_vs_native,
         native_vs_emulated,
@@ -106,7 +151,53 @@ pub(crate) fn report(
     check_tolerance(node, &report, reasons, unjudged);
     check_bits(&report, reasons);
     report.pass = reasons.len() + unjudged.len() == before;
+    report.status = match (report.pass, node.overflows, on_overflow) {
+        (false, ..) => NodeStatus::Fail,
+        (true, 0, _) | (true, _, OnOverflow::Turns) => NodeStatus::Ok,
+        (true, _, OnOverflow::Saturates) => NodeStatus::Saturates,
+        (true, _, OnOverflow::Wraps) => NodeStatus::Wraps,
+    };
     report
+}
+
+/// The first word at an end of its range where the same algorithm in f64 is beyond that end: by itself, not
+/// because what it is made of is wrong.
+fn first_overflow(node: &Node, golden_flags: &[u16]) -> Option<Occurrence> {
+    let (format, reals) = (node.format.as_ref()?, node.real.as_ref()?);
+    if node.overflows == 0 || node.on_overflow() == OnOverflow::Turns {
+        return None;
+    }
+    let (least, most) = format.raw_range();
+    // Half a step beyond the end still rounds to it.
+    let beyond = |real: f64| {
+        let steps = real / node.lsb;
+        steps >= most as f64 + 0.5 || steps < least as f64 - 0.5
+    };
+    let clean = |sample: usize| golden_flags.get(node.solution_of(sample)) == Some(&0);
+    let (sample, &real) = reals
+        .iter()
+        .enumerate()
+        .find(|&(sample, &real)| clean(sample) && beyond(real))?;
+    Some(Occurrence {
+        sample,
+        solution: node.solution_of(sample),
+        real,
+    })
+}
+
+impl NodeReport {
+    /// Its overflow as a reason to fail.
+    pub(crate) fn overflow_reason(&self, lsb: f64) -> Option<Reason> {
+        let (least, most) = self.format.as_ref()?.raw_range();
+        Some(Reason::Overflows {
+            node: self.name.clone(),
+            unit: self.unit.clone(),
+            count: self.overflows,
+            does: self.on_overflow,
+            range: (least as f64 * lsb, most as f64 * lsb),
+            first: self.first_overflow.clone()?,
+        })
+    }
 }
 
 /// What judges a node: the tolerance that was set for it, or else what rounding explains, against

@@ -7,6 +7,7 @@ use serde::{Serialize, Serializer};
 use crate::attitude::{AttitudeErrors, errors};
 use crate::bits::FrameComparison;
 use crate::budget::{BudgetDetail, ErrorBudget, budget};
+use crate::cause;
 use crate::input::{Assumed, Comparison, EmulatorStatistics, LinkStatistics, Reproduce, Series};
 use crate::messages::{self, FlagCount, OutputReport};
 use crate::nodes::{self, NodeReport};
@@ -63,6 +64,8 @@ pub struct Report {
     pub error_budget_detail: BudgetDetail,
     /// False for an image without taps, which is compared by its frames alone.
     pub taps: bool,
+    /// What the checkout's firmware sources say of the image, where it was made of others.
+    pub stale: Option<String>,
     /// Parameters that are assumed.
     pub assumed: Vec<Assumed>,
     /// How to run it again.
@@ -81,11 +84,19 @@ pub fn compare(comparison: &Comparison) -> Report {
     let frames = FrameComparison::of(&comparison.frames.native, &comparison.frames.emulated);
     messages::check_readable(comparison, &frames, &mut reasons);
     let either = messages::either_status(comparison);
+    let golden_flags = messages::golden_status(comparison);
+    let mut failures = Vec::new();
     let nodes: Vec<NodeReport> = comparison
         .nodes
         .iter()
-        .map(|node| nodes::report(node, &either, &mut reasons, &mut unjudged))
+        .map(|node| {
+            let mut own = Vec::new();
+            let report = nodes::report(node, &either, &golden_flags, &mut own, &mut unjudged);
+            failures.push(own);
+            report
+        })
         .collect();
+    reasons.extend(cause::in_order(&comparison.nodes, &nodes, failures));
     check_frames(&frames, &mut reasons);
     let outputs = messages::judge(comparison, &mut reasons);
     let flag_counts = messages::count_flags(comparison, &mut reasons);
@@ -102,6 +113,8 @@ pub fn compare(comparison: &Comparison) -> Report {
         &mut reasons,
     );
 
+    cause::add_unjudged_overflows(&comparison.nodes, &nodes, &mut reasons);
+    cause::put_stale_first(comparison, &mut reasons);
     let run = &comparison.run;
     Report {
         verdict: if reasons.is_empty() {
@@ -131,6 +144,7 @@ pub fn compare(comparison: &Comparison) -> Report {
         frames,
         attitude_vs_golden,
         error_budget_detail,
+        stale: comparison.stale.clone(),
         assumed: comparison.assumed.clone(),
         reproduce: comparison.reproduce.clone(),
     }

@@ -1,65 +1,24 @@
 //! The report as text: verdict, nodes, attitude, error budget.
 //!
-//! Where the terminal is narrow, columns that matter less are left out and sentences are wrapped.
+//! Where the terminal is narrow, columns that matter less are left out, a line says which, and sentences
+//! are wrapped.
 
-use std::fmt::Write;
+use cardan_page::text::{Tone, column, grid, heading, prose};
+use cardan_page::unit::reading;
 
 use crate::attitude::{AttitudeErrors, Spread};
 use crate::format::{count, number, optional, percent};
-use crate::input::NOT_JUDGED;
-use crate::nodes::NodeReport;
+use crate::input::{NOT_JUDGED, OnOverflow};
+use crate::nodes::{NodeReport, NodeStatus};
 use crate::report::Report;
 use crate::verdict::Verdict;
 
-/// How the text is laid out.
-#[derive(Clone, Copy, Debug)]
-pub struct Style {
-    /// Whether terminal colours may be used.
-    pub color: bool,
-    /// Characters per line; at least 40 are used.
-    pub width: usize,
-}
-
-impl Style {
-    fn paint(self, code: &str, text: &str) -> String {
-        if self.color {
-            format!("\u{1b}[{code}m{text}\u{1b}[0m")
-        } else {
-            text.to_owned()
-        }
-    }
-
-    fn bold(self, text: &str) -> String {
-        self.paint("1", text)
-    }
-
-    fn good_or_bad(self, good: bool, text: &str) -> String {
-        self.paint(if good { "32" } else { "1;31" }, text)
-    }
-}
-
-/// A column: its title, whether it is aligned right, and how readily it is left out (0: never).
-struct Column {
-    title: &'static str,
-    right: bool,
-    dispensable: u8,
-}
-
-const fn column(title: &'static str, right: bool, dispensable: u8) -> Column {
-    Column {
-        title,
-        right,
-        dispensable,
-    }
-}
+pub use cardan_page::text::Style;
 
 /// The whole report as text, ending in a line break.
 #[must_use]
 pub fn render(report: &Report, style: Style) -> String {
-    let style = Style {
-        width: style.width.max(40),
-        ..style
-    };
+    let style = style.legible();
     let mut out = String::new();
     nodes(&mut out, report, style);
     attitude(&mut out, report, style);
@@ -72,31 +31,42 @@ pub fn render(report: &Report, style: Style) -> String {
 fn nodes(out: &mut String, report: &Report, style: Style) {
     let columns = [
         column("node", false, 0),
-        column("unit", false, 3),
-        column("format", true, 4),
+        column("unit", false, 4),
+        column("format", true, 5),
         column("samples", true, 6),
         column("max error", true, 0),
-        column("in LSB", true, 2),
-        column("tolerance", true, 1),
+        column("in LSB", true, 3),
+        column("tolerance", true, 2),
         column("used", true, 0),
-        column("SQNR dB", true, 5),
-        column("overflows", true, 7),
+        column("SQNR dB", true, 7),
+        column("overflows", true, 1),
         column("bits differ", true, 0),
         column("", false, 0),
     ];
     let rows: Vec<Vec<String>> = report.nodes.iter().map(node_row).collect();
-    let marks: Vec<bool> = report.nodes.iter().map(|node| node.pass).collect();
+    let tones: Vec<Tone> = report.nodes.iter().map(tone).collect();
     heading(out, "Nodes, native against golden", style);
-    grid(out, &columns, &rows, Some(&marks), style);
+    let last = columns.len() - 1;
+    let left_out = grid(out, &columns, &rows, Some((last, &tones)), style);
+    if left_out.contains(&"overflows") {
+        overflows(out, report, style);
+    }
+    if report
+        .nodes
+        .iter()
+        .any(|node| matches!(node.status, NodeStatus::Saturates | NodeStatus::Wraps))
+    {
+        let text =
+            "sat, wrap: the node leaves the range of its format, within what its limit allows.";
+        prose(out, "", 2, text, style);
+    }
     if report
         .nodes
         .iter()
         .any(|node| node.golden_vs_native.is_none())
     {
-        let _ = writeln!(
-            out,
-            "* against the same algorithm in f64: golden has no such node"
-        );
+        let text = "* against the same algorithm in f64: golden has no such node";
+        prose(out, "", 2, text, style);
     }
     if !report.taps {
         let text = "The image has no taps: native and emulated are compared by frames alone.";
@@ -107,27 +77,30 @@ fn nodes(out: &mut String, report: &Report, style: Style) {
 
 fn node_row(node: &NodeReport) -> Vec<String> {
     let judged = node.judged();
+    let reading = reading(&node.unit);
+    let shown = |value: Option<f64>| optional(value.map(|value| reading.scale * value));
     let own = if node.golden_vs_native.is_none() {
         "*"
     } else {
         ""
     };
     let max_abs = judged.and_then(|difference| difference.max_abs);
-    let used = max_abs.zip(node.tolerance).map(|(error, tolerance)| {
-        if error == 0.0 {
+    let used = judged.and_then(|difference| difference.used);
+    let used = used.map(|used| {
+        if used == 0.0 {
             "0 %".to_owned()
         } else {
-            percent(error / tolerance)
+            percent(used)
         }
     });
     vec![
         format!("{}{own}", node.name),
-        node.unit.clone(),
+        reading.short.to_owned(),
         node.format.as_ref().map_or_else(dash, ToString::to_string),
         count(node.samples),
-        optional(max_abs),
+        shown(max_abs),
         optional(judged.and_then(|difference| difference.max_lsb)),
-        optional(node.tolerance),
+        shown(node.tolerance),
         used.unwrap_or_else(dash),
         judged
             .and_then(|difference| difference.sqnr_db)
@@ -136,8 +109,44 @@ fn node_row(node: &NodeReport) -> Vec<String> {
         node.native_vs_emulated
             .as_ref()
             .map_or_else(dash, |bits| count(bits.mismatches)),
-        if node.pass { "ok" } else { "FAIL" }.to_owned(),
+        match node.status {
+            NodeStatus::Ok => "ok",
+            NodeStatus::Saturates => "sat",
+            NodeStatus::Wraps => "wrap",
+            NodeStatus::Fail => "FAIL",
+        }
+        .to_owned(),
     ]
+}
+
+/// How a node's mark looks.
+fn tone(node: &NodeReport) -> Tone {
+    match node.status {
+        NodeStatus::Ok => Tone::Good,
+        NodeStatus::Saturates | NodeStatus::Wraps => Tone::Odd,
+        NodeStatus::Fail => Tone::Bad,
+    }
+}
+
+/// Overflows in a sentence, where their column has no room.
+fn overflows(out: &mut String, report: &Report, style: Style) {
+    let found = report.nodes.iter().filter(|node| node.overflows > 0);
+    let found: Vec<String> = found
+        .map(|node| {
+            let does = match node.on_overflow {
+                OnOverflow::Saturates => "saturates",
+                OnOverflow::Wraps => "wraps",
+                OnOverflow::Turns => "wraps as angles do",
+            };
+            format!("{} {} ({does})", node.name, count(node.overflows))
+        })
+        .collect();
+    let text = if found.is_empty() {
+        "none".to_owned()
+    } else {
+        found.join(", ")
+    };
+    prose(out, "overflows: ", 2, &text, style);
 }
 
 fn attitude(out: &mut String, report: &Report, style: Style) {
@@ -283,101 +292,18 @@ fn verdict(out: &mut String, report: &Report, style: Style) {
     );
     let mut lines = String::new();
     prose(&mut lines, &format!("{word}  "), 6, &text, style);
-    out.push_str(&lines.replacen(word, &style.good_or_bad(pass, word), 1));
+    out.push_str(&lines.replacen(word, &style.toned(Tone::of(pass), word), 1));
     for (_, what) in (report.reproduce.provenance.iter()).filter(|(key, _)| key == NOT_JUDGED) {
         prose(out, "  not judged: ", 4, what, style);
+    }
+    if let (Some(what), true) = (&report.stale, pass) {
+        prose(out, "  note: ", 4, what, style);
     }
     for reason in &report.reasons {
         prose(out, "  - ", 4, &reason.to_string(), style);
     }
 }
 
-/// Text broken between words to fit the width; lines after the first are indented by `indent`.
-fn prose(out: &mut String, first: &str, indent: usize, text: &str, style: Style) {
-    let (mut line, mut empty) = (first.to_owned(), true);
-    for word in text.split(' ') {
-        let needed = line.chars().count() + usize::from(!empty) + word.chars().count();
-        if needed > style.width && !empty {
-            let _ = writeln!(out, "{line}");
-            (line, empty) = (" ".repeat(indent), true);
-        }
-        if !empty {
-            line.push(' ');
-        }
-        line.push_str(word);
-        empty = false;
-    }
-    let _ = writeln!(out, "{line}");
-}
-
-fn heading(out: &mut String, text: &str, style: Style) {
-    let _ = writeln!(out, "{}", style.bold(text));
-}
-
 fn dash() -> String {
     "–".to_owned()
-}
-
-/// Rows under their titles; `marks` colours the last column.
-fn grid(
-    out: &mut String,
-    columns: &[Column],
-    rows: &[Vec<String>],
-    marks: Option<&[bool]>,
-    style: Style,
-) {
-    let widths: Vec<usize> = (0..columns.len())
-        .map(|at| {
-            let cells = rows.iter().map(|row| row[at].chars().count());
-            cells
-                .max()
-                .unwrap_or(0)
-                .max(columns[at].title.chars().count())
-        })
-        .collect();
-    let shown = fitting(columns, &widths, style.width);
-    let line = |cells: &dyn Fn(usize) -> String| {
-        let parts: Vec<String> = shown
-            .iter()
-            .map(|&at| pad(&cells(at), widths[at], columns[at].right))
-            .collect();
-        parts.join("  ").trim_end().to_owned()
-    };
-    let titles = line(&|at| columns[at].title.to_owned());
-    let _ = writeln!(out, "{}", style.paint("2", &titles));
-    for (index, row) in rows.iter().enumerate() {
-        let mut text = line(&|at| row[at].clone());
-        if let (Some(marks), Some(last)) = (marks, row.last())
-            && let Some(start) = text.strip_suffix(last.as_str())
-        {
-            text = format!("{start}{}", style.good_or_bad(marks[index], last));
-        }
-        let _ = writeln!(out, "{text}");
-    }
-}
-
-/// The columns that fit, after leaving out the most dispensable ones.
-fn fitting(columns: &[Column], widths: &[usize], width: usize) -> Vec<usize> {
-    let mut shown: Vec<usize> = (0..columns.len()).collect();
-    loop {
-        let needed: usize = shown.iter().map(|&at| widths[at] + 2).sum();
-        let least_needed = shown
-            .iter()
-            .copied()
-            .filter(|&at| columns[at].dispensable > 0)
-            .max_by_key(|&at| columns[at].dispensable);
-        match least_needed {
-            Some(at) if needed > width + 2 => shown.retain(|&other| other != at),
-            _ => return shown,
-        }
-    }
-}
-
-fn pad(text: &str, width: usize, right: bool) -> String {
-    let fill = " ".repeat(width.saturating_sub(text.chars().count()));
-    if right {
-        format!("{fill}{text}")
-    } else {
-        format!("{text}{fill}")
-    }
 }

@@ -8,9 +8,11 @@ use crate::attitude::AttitudeErrors;
 use crate::bits::{BitMismatch, FrameComparison, FrameMismatch};
 use crate::budget::{BudgetDetail, ErrorBudget};
 use crate::format::{number, percent};
-use crate::input::{Comparison, TruthTolerance};
+use crate::input::{Comparison, OnOverflow, TruthTolerance};
 use crate::metrics::{Violation, exceeds};
+use crate::nodes::Occurrence;
 use cardan_outputs::Check;
+use cardan_page::unit::reading;
 
 /// The parts of the budget must add up to the whole error within this, in degrees.
 pub(crate) const CLOSURE_LIMIT_DEG: f64 = 1e-9;
@@ -42,6 +44,34 @@ pub enum Reason {
         tolerance: f64,
         /// The first one beyond it.
         first: Violation,
+    },
+    /// A node leaves the range of its format, and that is not what its wrapping is for.
+    Overflows {
+        /// The node.
+        node: String,
+        /// Its unit.
+        unit: String,
+        /// Overflows that native counted, over the whole run.
+        count: u64,
+        /// What becomes of the value.
+        does: OnOverflow,
+        /// Smallest and largest value of its format.
+        range: (f64, f64),
+        /// The first value that is beyond the range by itself.
+        first: Occurrence,
+    },
+    /// The checkout's firmware is another than the one that was run.
+    Stale(String),
+    /// A figure is worse than in a stored run.
+    WorseThanBaseline {
+        /// The figure.
+        figure: String,
+        /// Its value.
+        value: f64,
+        /// What it was; none where the stored run has it and this one does not.
+        before: f64,
+        /// By how much it may be worse, 0.1 is 10 %.
+        margin: f64,
     },
     /// The differences of a node are more, or lie more to one side, than rounding explains.
     NotRounding {
@@ -172,17 +202,71 @@ impl fmt::Display for Reason {
                 max_abs,
                 tolerance,
                 first,
+            } => {
+                let reading = reading(unit);
+                let (unit, scale) = (reading.suffix(), reading.scale);
+                write!(
+                    f,
+                    "node {node}: differs from {against} by up to {}{unit}, tolerance {}{unit}; \
+                     first in solution {} (sample {}): {against} {}{unit}, native {}{unit}",
+                    number(scale * max_abs),
+                    number(scale * tolerance),
+                    first.solution,
+                    first.sample,
+                    scale * first.reference(),
+                    scale * first.native,
+                )
+            }
+            Self::Overflows {
+                node,
+                unit,
+                count,
+                does,
+                range: (least, most),
+                first,
+            } => {
+                let reading = reading(unit);
+                let (unit, scale) = (reading.suffix(), reading.scale);
+                let does = match does {
+                    OnOverflow::Saturates => "saturates",
+                    OnOverflow::Wraps | OnOverflow::Turns => "wraps",
+                };
+                write!(
+                    f,
+                    "node {node}: {does} {}: its format holds {} to {}{unit}; first in solution {} \
+                     (sample {}), where the same algorithm in f64 has {}{unit}",
+                    counted(*count, "time"),
+                    number(scale * least),
+                    number(scale * most),
+                    first.solution,
+                    first.sample,
+                    number(scale * first.real),
+                )
+            }
+            Self::WorseThanBaseline {
+                figure,
+                value,
+                before,
+                margin,
+            } if value.is_nan() => write!(
+                f,
+                "baseline: {figure} is not there any more; it was {} (margin {})",
+                number(*before),
+                percent(*margin),
+            ),
+            Self::WorseThanBaseline {
+                figure,
+                value,
+                before,
+                margin,
             } => write!(
                 f,
-                "node {node}: differs from {against} by up to {} {unit}, tolerance {} {unit}; \
-                 first in solution {} (sample {}): {against} {}, native {}",
-                number(*max_abs),
-                number(*tolerance),
-                first.solution,
-                first.sample,
-                first.reference(),
-                first.native,
+                "baseline: {figure} is {}, and was {} (margin {})",
+                number(*value),
+                number(*before),
+                percent(*margin),
             ),
+            Self::Stale(what) => write!(f, "image: {what}"),
             Self::NotRounding {
                 node,
                 against,

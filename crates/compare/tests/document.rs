@@ -51,6 +51,7 @@ fn comparison() -> Comparison {
             max_abs: 0.000_05,
             reason: "one rounding".into(),
         }),
+        ..Node::default()
     };
     let own = Node {
         name: "product".into(),
@@ -313,7 +314,11 @@ fn the_table_fits_its_width_and_is_colourless_where_asked() {
             width: 60,
         },
     );
-    assert!(!narrow.contains("SQNR dB"));
+    // No column goes without a word.
+    let titles = narrow.lines().nth(1).expect("titles");
+    assert!(!titles.contains("SQNR dB"), "{titles}");
+    let left_out = narrow.lines().find(|line| line.starts_with("left out: "));
+    assert!(narrow.contains("SQNR dB") && left_out.is_some(), "{narrow}");
     let colourful = render(
         &report,
         Style {

@@ -19,6 +19,7 @@ use crate::wordlengths::{self, DeclaredNode, WordlengthsError, container_bits, t
 /// A file that cannot be read or is refused.
 pub fn generate_to_out_dir(default_file: &str) -> Result<(), String> {
     println!("cargo::rerun-if-env-changed=CARDAN_WORDLENGTHS");
+    println!("cargo::rerun-if-env-changed=CARDAN_SOURCES");
     let file = env::var_os("CARDAN_WORDLENGTHS")
         .map_or_else(|| PathBuf::from(default_file), PathBuf::from);
     println!("cargo::rerun-if-changed={}", file.display());
@@ -27,7 +28,9 @@ pub fn generate_to_out_dir(default_file: &str) -> Result<(), String> {
     let nodes =
         wordlengths::parse(&text, &name).map_err(|error: WordlengthsError| error.to_string())?;
     let out = env::var("OUT_DIR").map_err(|_| "OUT_DIR is not set: call this from build.rs")?;
-    fs::write(Path::new(&out).join("nodes.rs"), generate(&nodes)).map_err(|error| error.to_string())
+    let sources = env::var("CARDAN_SOURCES").unwrap_or_default();
+    let text = generate_with(&nodes, &sources);
+    fs::write(Path::new(&out).join("nodes.rs"), text).map_err(|error| error.to_string())
 }
 
 /// Rust source of the nodes: a type per node, the table `NODES`, the format table `FORMAT_TABLE`, and
@@ -36,6 +39,13 @@ pub fn generate_to_out_dir(default_file: &str) -> Result<(), String> {
 /// can make such a section, and it counts as unsafe code.)
 #[must_use]
 pub fn generate(nodes: &[DeclaredNode]) -> String {
+    generate_with(nodes, "")
+}
+
+/// The same, with the digest of the program's sources (hexadecimal digits; else nothing), which goes beside
+/// the format table as the symbol `CARDAN_SOURCES`. Hosts tell by it which sources an image was made of.
+#[must_use]
+pub fn generate_with(nodes: &[DeclaredNode], sources: &str) -> String {
     let mut out = String::from("// Generated from the word-length file.\n");
     for (index, node) in nodes.iter().enumerate() {
         let f = node.format;
@@ -75,16 +85,16 @@ pub fn generate(nodes: &[DeclaredNode]) -> String {
         let _ = writeln!(
             out,
             "    ::cardan_datapath::NodeInfo {{ name: {:?}, unit: {:?}, \
-             format: <{ty} as ::cardan_datapath::Node>::FORMAT }},",
-            node.name, node.unit
+             meaning: {:?}, format: <{ty} as ::cardan_datapath::Node>::FORMAT }},",
+            node.name, node.unit, node.meaning
         );
     }
     out.push_str("];\n");
-    push_format_table(&mut out, nodes.len());
+    push_format_table(&mut out, nodes.len(), sources);
     out
 }
 
-fn push_format_table(out: &mut String, nodes: usize) {
+fn push_format_table(out: &mut String, nodes: usize, sources: &str) {
     let len = crate::format_table_len(nodes);
     let (places, bytes): (Vec<_>, Vec<_>) = (0..len)
         .map(|index| ("{}", format!("const $table[{index}]")))
@@ -104,12 +114,33 @@ fn push_format_table(out: &mut String, nodes: usize) {
                      \".size CARDAN_FORMATS, {len}\",\n            \
                      \"CARDAN_FORMATS:\",\n            \
                      \".byte {places}\",\n            \
-                     \".text\",\n            \
+                     {sources}\".text\",\n            \
                      {bytes},\n        \
                  );\n    \
              }};\n\
          }}\n",
         places = places.join(", "),
         bytes = bytes.join(", "),
+        sources = source_lines(sources),
     );
+}
+
+/// Lines of assembler that put the digest of the sources after the table.
+fn source_lines(sources: &str) -> String {
+    if sources.is_empty() || !sources.bytes().all(|byte| byte.is_ascii_hexdigit()) {
+        return String::new();
+    }
+    format!(
+        "\".globl CARDAN_SOURCES\",\n            \
+         \".type CARDAN_SOURCES, @object\",\n            \
+         \".size CARDAN_SOURCES, {len}\",\n            \
+         \"CARDAN_SOURCES:\",\n            \
+         \".byte {bytes}\",\n            ",
+        len = sources.len(),
+        bytes = sources
+            .bytes()
+            .map(|byte| byte.to_string())
+            .collect::<Vec<_>>()
+            .join(", "),
+    )
 }

@@ -151,6 +151,8 @@ pub struct NodeInfo {
     pub name: &'static str,
     /// Unit.
     pub unit: &'static str,
+    /// What it is, in one line; empty where the word-length file does not say.
+    pub meaning: &'static str,
     /// Deployed format.
     pub format: Format,
 }

@@ -4,6 +4,7 @@
 //! [[node]]
 //! name = "tilt_x"
 //! unit = "g"
+//! meaning = "gravity along body x" # one line for people; may be left out
 //! word = 16               # bits with the sign, 1..64
 //! frac = 14               # fractional bits, 0..=container (8, 16, 32 or 64 bits)
 //! rounding = "nearest_up" # floor, ceil, zero, nearest_up, nearest_away, nearest_even
@@ -26,6 +27,8 @@ pub struct DeclaredNode {
     pub name: String,
     /// Unit.
     pub unit: String,
+    /// What it is, in one line; empty where the file does not say.
+    pub meaning: String,
     /// Format.
     pub format: Format,
 }
@@ -115,6 +118,8 @@ struct File {
 struct Entry {
     name: String,
     unit: String,
+    #[serde(default)]
+    meaning: String,
     word: u32,
     frac: u32,
     rounding: String,
@@ -222,6 +227,9 @@ fn declared(parsed: File, file: &str) -> Result<Vec<DeclaredNode>, WordlengthsEr
                 "unit: expected one line of text, \"1\" for a pure number".to_string(),
             ));
         }
+        if entry.meaning.contains(char::is_control) {
+            return Err(fail("meaning: expected one line of text".to_string()));
+        }
         let rounding = mode(&Rounding::ALL, "rounding", &entry.rounding).map_err(&fail)?;
         let overflow = mode(&Overflow::ALL, "overflow", &entry.overflow).map_err(&fail)?;
         if !(1..=64).contains(&entry.word) {
@@ -241,6 +249,7 @@ fn declared(parsed: File, file: &str) -> Result<Vec<DeclaredNode>, WordlengthsEr
         nodes.push(DeclaredNode {
             name: entry.name,
             unit: entry.unit,
+            meaning: entry.meaning,
             format,
         });
     }

@@ -85,7 +85,7 @@ proptest! {
         const NAMES: [&str; 12] = ["a", "b", "c", "d", "e", "f", "g", "h", "i", "j", "k", "l"];
         let row = |(name, format): (&&'static str, &Format)| NodeInfo {
             name,
-            unit: "1",
+            unit: "1", meaning: "",
             format: *format,
         };
         let table: Vec<NodeInfo> = NAMES.iter().zip(&formats).map(row).collect();

@@ -103,7 +103,12 @@ fn a_unit_is_one_line_of_text() {
 
 fn deployed() -> [NodeInfo; 2] {
     let format = Format::new(16, 14, Rounding::Floor, Overflow::Wrap);
-    let node = |name, unit| NodeInfo { name, unit, format };
+    let node = |name, unit| NodeInfo {
+        name,
+        unit,
+        meaning: "",
+        format,
+    };
     [node("tilt_x", "g"), node("angle", "half_turn")]
 }
 
@@ -154,6 +159,7 @@ fn any_node() -> impl Strategy<Value = DeclaredNode> {
             (0..=container_bits(word)).prop_map(move |frac| DeclaredNode {
                 name: name.clone(),
                 unit: "m/s\u{b2} \"q\"".to_string(),
+                meaning: "it's \"so\" \\ so".to_string(),
                 format: Format::new(
                     word,
                     frac,
@@ -169,8 +175,8 @@ proptest! {
     fn what_a_file_declares_is_read_and_generated(node in any_node()) {
         let f = node.format;
         let text = format!(
-            "[[node]]\nname = {:?}\nunit = {:?}\nword = {}\nfrac = {}\nrounding = {:?}\noverflow = {:?}\n",
-            node.name, node.unit, f.word, f.frac, f.rounding.name(), f.overflow.name()
+            "[[node]]\nname = {:?}\nunit = {:?}\nmeaning = {:?}\nword = {}\nfrac = {}\nrounding = {:?}\noverflow = {:?}\n",
+            node.name, node.unit, node.meaning, f.word, f.frac, f.rounding.name(), f.overflow.name()
         );
         prop_assert_eq!(&parse(&text, FILE).unwrap(), std::slice::from_ref(&node));
         let source = generate(std::slice::from_ref(&node));
@@ -181,6 +187,7 @@ proptest! {
         prop_assert!(source.contains(&format), "{}", source);
         let word = format!("FixedI{}<::cardan_datapath::fixed::types::extra::U{}>", container_bits(f.word), f.frac);
         prop_assert!(source.contains(&word), "{}", source);
+        prop_assert!(source.contains(&format!("meaning: {:?}", node.meaning)), "{}", source);
     }
 }
 

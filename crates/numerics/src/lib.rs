@@ -34,7 +34,7 @@
 //!     }
 //! }
 //!
-//! let nodes = [NodeInfo { name: "third", unit: "1", format: Third::FORMAT }];
+//! let nodes = [NodeInfo { name: "third", unit: "1", meaning: "", format: Third::FORMAT }];
 //! let (_, deployed) = record(&Divide, &Formats::deployed(&nodes).unwrap());
 //! let (status, real) = record(&Divide, &Formats::real(1));
 //! assert_eq!(deployed.raws[0], [16, 48, 5]);

@@ -66,6 +66,7 @@ impl Case {
         let nodes = self.formats.map(|format| NodeInfo {
             name: "",
             unit: "1",
+            meaning: "",
             format,
         });
         let m = Mixed::new(&Formats::deployed(&nodes).unwrap(), Recorder::new(3));

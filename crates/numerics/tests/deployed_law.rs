@@ -259,6 +259,7 @@ fn compare(
     let nodes = formats.map(|format| NodeInfo {
         name: "",
         unit: "1",
+        meaning: "",
         format,
     });
     let m_deployed = Deployed::new(Events::default());

@@ -176,6 +176,7 @@ fn mixed(formats: [Format; 3]) -> Option<M> {
     let nodes = formats.map(|format| NodeInfo {
         name: "",
         unit: "1",
+        meaning: "",
         format,
     });
     Some(Mixed::new(
@@ -352,6 +353,7 @@ fn real_numbers_enter_formats_from_their_exact_value() {
             let nodes = [format; 3].map(|format| NodeInfo {
                 name: "",
                 unit: "1",
+                meaning: "",
                 format,
             });
             let formats = Formats::new(&nodes, vec![None, None, Some(format)]).unwrap();

@@ -11,6 +11,7 @@ fn nodes(formats: [(u32, u32); 2]) -> [NodeInfo; 2] {
     let node = |name, (word, frac)| NodeInfo {
         name,
         unit: "1",
+        meaning: "",
         format: Format {
             word,
             frac,

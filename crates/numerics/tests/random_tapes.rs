@@ -37,6 +37,7 @@ fn formats(draw: &mut Draw) -> (Vec<Format>, Formats) {
             .map(|&format| NodeInfo {
                 name: "n",
                 unit: "1",
+                meaning: "",
                 format,
             })
             .collect();

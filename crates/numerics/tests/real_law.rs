@@ -35,11 +35,13 @@ const NODES: [NodeInfo; 2] = [
     NodeInfo {
         name: Quantity::NAME,
         unit: Quantity::UNIT,
+        meaning: "",
         format: Quantity::FORMAT,
     },
     NodeInfo {
         name: Turn::NAME,
         unit: Turn::UNIT,
+        meaning: "",
         format: Turn::FORMAT,
     },
 ];

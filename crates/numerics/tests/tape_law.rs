@@ -16,6 +16,7 @@ fn infos(formats: &[Format]) -> Vec<NodeInfo> {
     let info = |format: &Format| NodeInfo {
         name: "n",
         unit: "1",
+        meaning: "",
         format: *format,
     };
     formats.iter().map(info).collect()

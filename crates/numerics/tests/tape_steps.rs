@@ -223,6 +223,7 @@ fn assert_trial<A: Datapath>(
         .map(|&format| cardan_datapath::NodeInfo {
             name: "n",
             unit: "1",
+            meaning: "",
             format,
         })
         .collect();

@@ -365,16 +365,50 @@ impl Scenario {
             .cloned()
             .ok_or_else(|| {
                 let keys: Vec<String> = all.iter().map(named).collect();
-                let keys: Vec<&str> = keys.iter().map(String::as_str).collect();
-                let hint = syntax::nearest(key, &keys)
-                    .map_or(String::new(), |near| format!("did you mean '{near}'? "));
-                let expected = format!("{hint}a numeric key of --print-scenario with its table");
-                range(key, "an unknown key", &expected)
+                unknown_key(key, &keys)
             })
     }
 
-    /// Sets the numeric parameter of that full key ([`Scenario::check`] tells if it is admissible), or
-    /// a switch: 1 is on, 0 off; `sensors.third_tilt` takes 2 as well: measured.
+    /// Every key that [`Scenario::set`] takes; limits of single nodes (`tolerance.nodes.NODE`) beside them.
+    #[must_use]
+    pub fn settable(&self) -> Vec<String> {
+        let mut copy = self.clone();
+        let parameters = self.parameters();
+        let named = parameters
+            .iter()
+            .map(|p| format!("{}.{}", p.section, p.key));
+        let options = copy
+            .options_mut()
+            .into_iter()
+            .map(|(key, _)| key.to_owned());
+        let limits = self.tolerance.checked().into_iter();
+        let fixed = [third_tilt::KEY, "noise.enabled", "seconds"];
+        named
+            .chain(options)
+            .chain(limits.map(|(key, ..)| key.to_owned()))
+            .chain(fixed.map(str::to_owned))
+            .collect()
+    }
+
+    /// Numbers that are absent unless they are given.
+    fn options_mut(&mut self) -> [(&'static str, &mut Option<f64>); 7] {
+        let calibration = &mut self.calibration;
+        [
+            ("field.horizontal_ut", &mut self.field.horizontal_ut),
+            ("field.vertical_ut", &mut self.field.vertical_ut),
+            (
+                "motion.recording.gravity_m_s2",
+                &mut self.motion.recording.gravity_m_s2,
+            ),
+            ("calibration.horizontal_ut", &mut calibration.horizontal_ut),
+            ("calibration.vertical_ut", &mut calibration.vertical_ut),
+            ("calibration.tilt_z_offset", &mut calibration.tilt_z_offset),
+            ("calibration.tilt_z_gain", &mut calibration.tilt_z_gain),
+        ]
+    }
+
+    /// Sets the numeric parameter of that full key ([`Scenario::check`] tells if it is admissible), a number
+    /// that is absent by default, a limit, or a switch: 1 is on, 0 off; `sensors.third_tilt` takes 2 as well: measured.
     ///
     /// # Errors
     /// There is no such parameter, or a switch is to be neither on nor off.
@@ -393,7 +427,21 @@ impl Scenario {
         if self.tolerance.set(key, value) {
             return Ok(());
         }
-        let Parameter { section, key, .. } = self.get(key)?;
+        if key == "seconds" {
+            self.seconds = value;
+            return Ok(());
+        }
+        if let Some((_, option)) = self
+            .options_mut()
+            .into_iter()
+            .find(|(name, _)| *name == key)
+        {
+            *option = Some(value);
+            return Ok(());
+        }
+        let found = self.get(key);
+        let Parameter { section, key, .. } =
+            found.map_err(|_| unknown_key(key, &self.settable()))?;
         let table: &mut dyn Parameters = match section {
             "motion.tumble" => &mut self.motion.tumble,
             "motion.static" => &mut self.motion.grid,
@@ -432,6 +480,15 @@ impl Scenario {
         };
         self.parameters().into_iter().filter(is_assumed).collect()
     }
+}
+
+/// A key that there is not, with the nearest one that there is.
+fn unknown_key(key: &str, keys: &[String]) -> Error {
+    let keys: Vec<&str> = keys.iter().map(String::as_str).collect();
+    let hint = syntax::nearest_key(key, &keys)
+        .map_or(String::new(), |near| format!("did you mean '{near}'? "));
+    let expected = format!("{hint}a numeric key of --print-scenario with its table");
+    range(key, "an unknown key", &expected)
 }
 
 fn unknown(name: &str) -> Error {

@@ -60,6 +60,24 @@ pub(crate) fn nearest<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
         .map(|(_, word)| word)
 }
 
+/// The known dotted key most like `found`: as a whole, or in its last word where the tables are left out or
+/// others.
+pub(crate) fn nearest_key<'a>(found: &str, known: &[&'a str]) -> Option<&'a str> {
+    let last = |key: &str| key.rsplit('.').next().unwrap_or_default().to_owned();
+    let likeness = |key: &str| {
+        let whole = strsim::normalized_levenshtein(found, key);
+        let word = strsim::normalized_levenshtein(&last(found), &last(key));
+        // The same word in another table is as near as a slip or two in the whole key.
+        whole.max(0.85 * word)
+    };
+    known
+        .iter()
+        .map(|key| (likeness(key), *key))
+        .filter(|(likeness, _)| *likeness > 0.6)
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map(|(_, key)| key)
+}
+
 /// Fills the place of a range error with file and line of its key.
 pub(crate) fn place(error: Error, text: &str, file: &str) -> Error {
     match error {

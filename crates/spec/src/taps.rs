@@ -10,3 +10,7 @@ pub const TABLE_SYMBOL: &str = "CARDAN_TAPS";
 /// ELF symbol of the format table in flash or in a section of its own: the hash and, per node,
 /// word length, fractional bits, rounding and overflow.
 pub const FORMATS_SYMBOL: &str = "CARDAN_FORMATS";
+
+/// Symbol of the digest of the sources that an image was made of, beside the format table: hexadecimal
+/// digits. Images without it say nothing of their sources.
+pub const SOURCES_SYMBOL: &str = "CARDAN_SOURCES";

@@ -36,8 +36,9 @@ pub fn wordlengths(outcome: &Outcome, nodes: &[NodeInfo], command: &str) -> Stri
     for (at, (node, (_, format))) in nodes.iter().zip(&outcome.best.formats.0).enumerate() {
         let _ = write!(
             out,
-            "\n[[node]]\nname = {:?}\nunit = {:?}\nword = {}{}\nfrac = {}{}\nrounding = \"{}\"\noverflow = \"{}\"\n",
+            "\n[[node]]\nname = {:?}\n{}unit = {:?}\nword = {}{}\nfrac = {}{}\nrounding = \"{}\"\noverflow = \"{}\"\n",
             node.name,
+            meaning_line(node.meaning),
             node.unit,
             format.word,
             range_comment(outcome, at, *format),
@@ -48,6 +49,14 @@ pub fn wordlengths(outcome: &Outcome, nodes: &[NodeInfo], command: &str) -> Stri
         );
     }
     out
+}
+
+/// The line that says what a node is; none where nothing does.
+fn meaning_line(meaning: &str) -> String {
+    match meaning {
+        "" => String::new(),
+        meaning => format!("meaning = {}\n", toml::Value::from(meaning)),
+    }
 }
 
 /// The result as the table `[tuned]` of its word-length file.

@@ -2,50 +2,75 @@
 //! simulated values against the formats.
 
 use cardan_datapath::{Format, Overflow, Rounding};
+use cardan_page::format::optional;
+use cardan_page::unit::reading;
+use cardan_page::{document, framed, masthead, reproduce};
 use maud::{Markup, html};
 
-use crate::page::{document, histograms};
+use crate::page::histograms;
 use crate::ranges::{NodeRange, Ranges};
 
 /// The page, self-contained.
 #[must_use]
 pub fn ranges_page(found: &Ranges, title: &str, command: &str) -> String {
     let proven = found.nodes.iter().filter(|node| node.proven).count();
+    let statement = format!(
+        "{} solutions simulated; {proven} of {} nodes proven never to overflow, whatever the inputs.",
+        found.steps,
+        found.nodes.len()
+    );
     let content = html! {
-        p { (found.steps) " solutions simulated; " (proven) " of " (found.nodes.len())
-            " nodes proven never to overflow, whatever the inputs." }
-        (ranges_table(&found.nodes))
+        (masthead("ranges", title, None, &statement))
+        (framed(
+            "ranges",
+            "Ranges",
+            "What values take in simulation, and what they can take by interval and by affine arithmetic, in the \
+             unit that is named; the integer bits that follow.",
+            &ranges_table(&found.nodes),
+        ))
         (histograms(found.nodes.iter().map(|range| (range, format(range)))))
+        (reproduce(command))
     };
-    document(title, command, &content)
+    document(title, &content)
 }
 
 /// Per node what is simulated, derived and proven.
 pub(crate) fn ranges_table(nodes: &[NodeRange]) -> Markup {
-    html! {
-        table {
+    let row = |node: &NodeRange| {
+        let reading = reading(&node.unit);
+        let span = |lo: Option<f64>, hi: Option<f64>| {
+            let shown = |value: Option<f64>| optional(value.map(|value| reading.scale * value));
+            format!("{} … {}", shown(lo), shown(hi))
+        };
+        let is_safe = node.proven || node.wraps_by_design;
+        html! {
             tr {
-                th { "node" } th { "unit" } th { "format" } th { "simulated" } th { "interval" }
-                th { "affine" } th { "integer bits" } th { "overflow" }
-            }
-            @for node in nodes {
-                tr {
-                    td { (node.name) } td { (node.unit) }
-                    td { (i64::from(node.word) - i64::from(node.frac)) "." (node.frac) }
-                    td { (span(node.min, node.max)) }
-                    td { (span(node.derived.lo, node.derived.hi)) }
-                    td { (span(node.derived_affine.lo, node.derived_affine.hi)) }
-                    td { (node.integer) }
-                    td { (node.verdict()) }
-                }
+                th scope="row" { (node.name) }
+                td { (reading.short) }
+                td.number { (i64::from(node.word) - i64::from(node.frac)) "." (node.frac) }
+                td.number { (span(node.min, node.max)) }
+                td.number { (span(node.derived.lo, node.derived.hi)) }
+                td.number { (span(node.derived_affine.lo, node.derived_affine.hi)) }
+                td.number { (node.integer) }
+                td .good-text[is_safe] .bad-text[!is_safe && node.overflows > 0] { (node.verdict()) }
             }
         }
+    };
+    html! {
+        div.scroll { table {
+            thead { tr {
+                th scope="col" { "node" }
+                th scope="col" { "unit" }
+                th.number scope="col" { "format" }
+                th.number scope="col" { "simulated" }
+                th.number scope="col" { "interval" }
+                th.number scope="col" { "affine" }
+                th.number scope="col" { "integer bits" }
+                th scope="col" { "overflow" }
+            } }
+            tbody { @for node in nodes { (row(node)) } }
+        } }
     }
-}
-
-fn span(lo: Option<f64>, hi: Option<f64>) -> String {
-    let number = |value: Option<f64>| value.map_or("–".to_owned(), |value| format!("{value:.5}"));
-    format!("{} … {}", number(lo), number(hi))
 }
 
 /// The node's word; rounding and overflow make no difference to a histogram.

@@ -72,6 +72,7 @@ fn random(draw: &mut Draw, nodes: u32) -> Problem {
         .map(|at| NodeInfo {
             name: names[at],
             unit: "1",
+            meaning: "",
             format,
         })
         .collect();

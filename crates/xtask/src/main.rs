@@ -1,7 +1,8 @@
 //! Build and test automation.
 //!
 //! `cargo xtask test [--only STEP,...]` runs every check of the repository; `cargo xtask images`
-//! rebuilds the committed firmware images; `cargo xtask c-header` writes the node table for firmware
+//! rebuilds the committed firmware images; `cargo xtask node-docs` writes the documents of the nodes; `cargo
+//! xtask c-header` writes the node table for firmware
 //! in C; `cargo xtask soak` is the long test. What Cardan's own commands know (which parts of the
 //! system are missing, how images are built) is asked of them.
 
@@ -19,6 +20,7 @@ usage: cargo xtask test [--only STEP,...]   every check: installs what is missin
        cargo xtask soak [--minutes N]       each fuzz target for N minutes (10), random programs for 10^9 cycles,
                                             10^7 random operations per rounding and overflow mode,
                                             10^6 random algorithms on tapes
+       cargo xtask node-docs                writes docs/nodes.md and docs/nodes.svg
        cargo xtask c-header                 writes firmware/c/nodes.h from firmware/wordlengths.toml";
 
 fn main() -> ExitCode {
@@ -29,6 +31,7 @@ fn main() -> ExitCode {
         ["test", "--only", list] => steps::run(Some(list)),
         ["c-header"] => c_header::write(),
         ["images"] => steps::write_images(),
+        ["node-docs"] => steps::write_node_docs(),
         ["soak"] => soak::soak(soak::MINUTES),
         ["soak", "--minutes", minutes] => match minutes.parse() {
             Ok(minutes @ 1..=10_000) => soak::soak(minutes),

@@ -204,6 +204,13 @@ pub(crate) fn write_images() -> Result<bool, String> {
     Ok(built && run_command(command(cardan(), &arguments))?)
 }
 
+/// Writes the documents of the nodes.
+pub(crate) fn write_node_docs() -> Result<bool, String> {
+    let built = run_command(cargo(&["build", "--workspace", "--bins"]))?;
+    let arguments = ["compare", "--explain-docs", "docs"];
+    Ok(built && run_command(command(cardan(), &arguments))?)
+}
+
 #[cfg(test)]
 mod tests {
     use super::result;

@@ -6,10 +6,14 @@ use cardan_firmware::attitude::{self, solve};
 use cardan_firmware::averaging::Decimator;
 use cardan_firmware::calibration::Calibration;
 use cardan_numerics::Datapath;
+use cardan_numerics::tape::{Flow, Tape};
 use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::WORDS;
 use cardan_spec::timing::Averaging;
 use cardan_units::AdcCode;
+
+use super::words_of;
+use crate::app::Configuration;
 
 /// The attitude with these calibration words; a step's inputs are the codes of one period, in the order of
 /// conversion, and the sign of gravity along body z where the third tilt axis is at the comparator (1, -1;
@@ -60,4 +64,28 @@ impl Datapath for AttitudeDatapath {
             }
         }
     }
+}
+
+/// Solutions recorded to see the data flow: which codes they are of makes no difference to it.
+const SOLUTIONS: i32 = 8;
+/// Solutions looked at beyond them; nothing in the algorithm looks back farther.
+const AHEAD: usize = 64;
+
+/// Which nodes' values enter which.
+pub(super) fn flow(configuration: &Configuration) -> Result<Flow, String> {
+    let averaging = configuration.averaging();
+    let datapath = AttitudeDatapath {
+        words: words_of(configuration),
+        averaging,
+        third_tilt: configuration.third_tilt(),
+    };
+    let conversions = averaging.conversions() as i32;
+    let step = |at: i32| -> Vec<i32> {
+        let codes = (0..conversions).map(|k| (341 * at + 127 * k) % 1024);
+        codes.chain([1]).collect()
+    };
+    let steps: Vec<Vec<i32>> = (0..SOLUTIONS).map(step).collect();
+    let (tape, _) =
+        Tape::record_ahead(&datapath, &steps, AHEAD).map_err(|error| error.to_string())?;
+    Ok(tape.flow())
 }

@@ -27,6 +27,7 @@ use cardan_firmware::FORMATS_HASH;
 use cardan_firmware::calibration::Settings;
 use cardan_firmware::nodes::{NODES, Pitch, Roll, Yaw};
 use cardan_numerics::Formats;
+use cardan_numerics::tape::Flow;
 use cardan_outputs::{Check, Message, Outputs};
 use cardan_scenario::{Scenario, Trajectory};
 use cardan_spec::calibration::{Calibration, FRAC, WORDS};
@@ -213,6 +214,10 @@ impl App for Attitude {
 
     fn calibrate(&self, request: &Request<'_>) -> Result<Calibrated, CalibrateError> {
         calibrate::calibrate(request)
+    }
+
+    fn flow(&self, configuration: &Configuration) -> Result<Flow, String> {
+        datapath::flow(configuration)
     }
 
     fn settings_image(&self, content: &EepromImage) -> Result<Vec<u8>, String> {

@@ -14,6 +14,7 @@ use cardan_scenario::{Scenario, print_scenario};
 use clap::Args;
 
 use super::corners::{self, CornerOptions};
+use super::explain;
 use crate::dump;
 use crate::failure::{Done, Failure, code};
 use crate::judge;
@@ -46,9 +47,22 @@ pub(crate) struct CompareArgs {
     /// Print the scenario with all its keys, units, defaults and sources, and stop
     #[arg(long)]
     print_scenario: bool,
+    /// Say what a node is, its unit, format, range and resolution, what enters it, what uses it, and its
+    /// limit; `all` for every node; and stop
+    #[arg(long, value_name = "NODE", conflicts_with_all = ["corners", "session", "report", "dump"])]
+    explain: Option<String>,
+    /// Write nodes.md and nodes.svg into this folder, and stop
+    #[arg(long, value_name = "DIR", hide = true)]
+    explain_docs: Option<std::path::PathBuf>,
 }
 
 pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
+    if let Some(node) = &args.explain {
+        return explain::execute(node, &args.run, output);
+    }
+    if let Some(folder) = &args.explain_docs {
+        return explain::write_documents(folder, &args.run, output);
+    }
     if args.print_scenario {
         let scenario = Scenario::load(&args.run.scenario).map_err(Failure::input)?;
         output.result(&print_scenario(&scenario));
@@ -58,16 +72,21 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
         Some(id) => id.parse().map_err(Failure::input)?,
         None => SessionId::fresh(),
     };
+    if args.run.build {
+        output.note("building the image from this checkout");
+    }
     // Every bad input is told here, before anything starts.
     let setup = args.run.resolve()?;
     let plan = args.extras.dump.plan(setup.app)?;
+    args.extras.ci.check(&setup)?;
     setup
         .app
         .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
         .map_err(Failure::input)?;
     if let Some(file) = &args.corners.corners {
         let run = args.run.with_image_of(&setup);
-        return corners::execute(&args.corners, file, &run, &setup, output);
+        let folder = args.extras.report.as_deref();
+        return corners::execute(&args.corners, file, &run, &setup, (folder, output));
     }
     if args.in_process {
         in_threads(args, &setup, plan.as_ref(), session, output)
@@ -153,6 +172,15 @@ fn participant(
             if let Some(path) = path {
                 participant.command.arg(name).arg(path);
             }
+        }
+        participant.command.args(args.extras.ci.arguments());
+        // Its text goes through a pipe, and is laid out for what this process writes to.
+        let style = output.style();
+        participant.command.env("COLUMNS", style.width.to_string());
+        if style.color {
+            participant.command.env("CLICOLOR_FORCE", "1");
+        } else {
+            participant.command.env("NO_COLOR", "1");
         }
         participant.capture_stdout = true;
         participant.completes_with = vec![code::PASS.into(), code::FAIL.into(), code::CRASH.into()];

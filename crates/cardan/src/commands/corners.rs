@@ -1,6 +1,7 @@
 //! `compare --corners`: the comparison over named corners and random units, several at a time: yield,
 //! worst corner, and the command that runs it again.
 
+mod page;
 mod report;
 
 use std::path::PathBuf;
@@ -8,6 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
+use std::time::{Duration, Instant};
 
 use cardan_scenario::Scenario;
 use cardan_scenario::corners::{Corners, Variant};
@@ -29,7 +31,7 @@ pub(crate) struct CornerOptions {
     /// Compare in every corner of this file (TOML: `[[corner]]` with name and set, `[spread]` with
     /// sigma or range per key) as well as in the scenario itself: yield and worst corner
     #[arg(long, value_name = "FILE",
-        conflicts_with_all = ["session", "report", "dump", "print_scenario"])]
+        conflicts_with_all = ["session", "dump", "print_scenario", "junit", "baseline", "annotations"])]
     pub(crate) corners: Option<PathBuf>,
     /// Random units drawn from the file's `[spread]`, unit k with seed + k
     #[arg(long, value_name = "N", default_value_t = 0, requires = "corners",
@@ -56,9 +58,10 @@ pub(crate) fn execute(
     file: &std::path::Path,
     run: &RunOptions,
     setup: &Setup,
-    output: Output,
+    (folder, output): (Option<&std::path::Path>, Output),
 ) -> Done {
     let corners = Corners::load(file, &setup.scenario).map_err(Failure::input)?;
+    let run = &with_limits(run)?;
     let jobs = jobs(options, &corners, run, setup)?;
     let threads = options.jobs.map_or_else(
         || thread::available_parallelism().map_or(1, usize::from),
@@ -69,8 +72,35 @@ pub(crate) fn execute(
     if output.is_json() {
         output.document(&report);
     }
-    output.result(&report.to_string());
+    if let Some(folder) = folder {
+        let file = page::write(&report, folder)?;
+        output.note(&format!("report: {}", file.display()));
+    }
+    output.result(&report.table(output.style()));
     Ok(report.exit_code())
+}
+
+/// The scenario's limits of truth and flagged share hold in its corners too: that is what a yield counts.
+/// Its limits of single stages and channels are those of its own parameters, and do not.
+fn with_limits(run: &RunOptions) -> Result<RunOptions, Failure> {
+    let mut run = run.clone();
+    if run.recording.is_some() {
+        return Ok(run);
+    }
+    let scenario = Scenario::load(&run.scenario).map_err(Failure::input)?;
+    let (truth, status) = (&scenario.tolerance.truth, &scenario.tolerance.status);
+    for (key, limit) in [
+        ("tolerance.truth.rms_deg", truth.rms_deg),
+        ("tolerance.truth.p99_deg", truth.p99_deg),
+        ("tolerance.truth.max_deg", truth.max_deg),
+        ("tolerance.status.most_flagged", status.most_flagged),
+    ] {
+        let is_given = run.set.iter().any(|(given, _)| given == key);
+        if let (Some(limit), false) = (limit, is_given) {
+            run.set.push((key.to_owned(), limit));
+        }
+    }
+    Ok(run)
 }
 
 /// The scenario itself, the named corners, the random units. Named corners in which the design
@@ -132,6 +162,7 @@ fn job(variant: Variant, is_unit: bool, run: &RunOptions, seed: u64) -> Job {
 fn compare_all(jobs: &[Job], threads: usize, output: Output) -> Result<Vec<Run>, Failure> {
     let program = std::env::current_exe()
         .map_err(|error| Failure::participant(format!("this program cannot be found: {error}")))?;
+    let begin = Instant::now();
     let next = AtomicUsize::new(0);
     let done = AtomicUsize::new(0);
     let results: Vec<Mutex<Option<Result<Run, Failure>>>> =
@@ -150,7 +181,8 @@ fn compare_all(jobs: &[Job], threads: usize, output: Output) -> Result<Vec<Run>,
                         *slot = Some(result);
                     }
                     let count = done.fetch_add(1, Ordering::Relaxed) + 1;
-                    output.progress(&format!("{count} of {} comparisons", jobs.len()));
+                    let left = time_left(begin.elapsed(), count, jobs.len());
+                    output.progress(&format!("{count} of {} comparisons{left}", jobs.len()));
                 }
             });
         }
@@ -160,6 +192,17 @@ fn compare_all(jobs: &[Job], threads: usize, output: Output) -> Result<Vec<Run>,
         .into_iter()
         .filter_map(|slot| slot.into_inner().ok().flatten());
     finished.collect()
+}
+
+/// How long the rest takes if it takes as long as what is done.
+fn time_left(elapsed: Duration, done: usize, all: usize) -> String {
+    let left = elapsed.as_secs_f64() / done.max(1) as f64 * all.saturating_sub(done) as f64;
+    match left {
+        left if left < 1.0 => String::new(),
+        left if left < 90.0 => format!(", about {left:.0} s left"),
+        left if left < 5400.0 => format!(", about {:.0} min left", left / 60.0),
+        left => format!(", about {:.1} h left", left / 3600.0),
+    }
 }
 
 /// One comparison as a child process. A verdict, pass or fail, is a result; so is a crash of the
@@ -187,5 +230,19 @@ fn compare(program: &std::path::Path, job: &Job) -> Result<Run, Failure> {
             "`{name}` ended with {}: {said}\nrun again: {command}",
             child.status
         ))),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_follows_from_what_is_done() {
+        let left = |seconds, done| time_left(Duration::from_secs(seconds), done, 100);
+        assert_eq!(left(10, 25), ", about 30 s left");
+        assert_eq!(left(100, 25), ", about 5 min left");
+        assert_eq!(left(10_000, 25), ", about 8.3 h left");
+        assert_eq!(left(10, 100), "");
     }
 }

@@ -61,6 +61,7 @@ impl ModelArgs {
             scenario: String::new(),
             recording: None,
             firmware: None,
+            build: false,
             eeprom: None,
             wordlengths: self.wordlengths.clone(),
             seconds: None,

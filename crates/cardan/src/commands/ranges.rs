@@ -4,6 +4,8 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
+use cardan_page::text::{Style, Tone, column, grid};
+use cardan_page::unit::reading;
 use cardan_tune::{NodeRange, ranges, ranges_page};
 use clap::Args;
 use serde::Serialize;
@@ -88,7 +90,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
             output,
         )?;
     }
-    output.result(&table(&found.nodes, proven));
+    output.result(&table(&found.nodes, proven, output.style()));
     Ok(ExitCode::SUCCESS)
 }
 
@@ -118,25 +120,52 @@ fn command_line(arguments: &Arguments) -> String {
     line
 }
 
-fn table(nodes: &[NodeRange], proven: usize) -> String {
-    let mut out = format!(
-        "{:<19} {:>7} {:^21} {:^21} {:^21} {:>5}  {}\n",
-        "node", "format", "simulated", "interval", "affine", "bits", "overflow"
-    );
-    for node in nodes {
-        let integer = i64::from(node.word) - i64::from(node.frac);
-        let _ = writeln!(
-            out,
-            "{:<19} {:>7} {:>21} {:>21} {:>21} {:>5}  {}",
-            node.name,
-            format!("{integer}.{}", node.frac),
-            span(node.min, node.max),
-            span(node.derived.lo, node.derived.hi),
-            span(node.derived_affine.lo, node.derived_affine.hi),
-            node.integer,
-            node.verdict(),
-        );
-    }
+fn table(nodes: &[NodeRange], proven: usize, style: Style) -> String {
+    let style = style.legible();
+    let columns = [
+        column("node", false, 0),
+        column("unit", false, 3),
+        column("format", true, 2),
+        column("simulated", true, 0),
+        column("interval", true, 4),
+        column("affine", true, 1),
+        column("bits", true, 0),
+        column("overflow", false, 0),
+    ];
+    let rows: Vec<Vec<String>> = nodes
+        .iter()
+        .map(|node| {
+            let reading = reading(&node.unit);
+            let span = |lo: Option<f64>, hi: Option<f64>| {
+                let shown = |value: Option<f64>| value.map(|value| reading.scale * value);
+                span(shown(lo), shown(hi))
+            };
+            vec![
+                node.name.clone(),
+                reading.short.to_owned(),
+                format!(
+                    "{}.{}",
+                    i64::from(node.word) - i64::from(node.frac),
+                    node.frac
+                ),
+                span(node.min, node.max),
+                span(node.derived.lo, node.derived.hi),
+                span(node.derived_affine.lo, node.derived_affine.hi),
+                node.integer.to_string(),
+                node.verdict(),
+            ]
+        })
+        .collect();
+    let tones: Vec<Tone> = nodes
+        .iter()
+        .map(|node| match () {
+            () if node.proven || node.wraps_by_design => Tone::Good,
+            () if node.overflows > 0 || node.beyond.is_some() => Tone::Bad,
+            () => Tone::Plain,
+        })
+        .collect();
+    let mut out = String::new();
+    grid(&mut out, &columns, &rows, Some((7, &tones)), style);
     let _ = write!(
         out,
         "{proven} of {} nodes proven never to overflow",

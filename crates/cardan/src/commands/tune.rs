@@ -201,7 +201,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if output.is_json() {
         output.document(&document);
     }
-    output.result(&table::render(&outcome));
+    output.result(&table::render(&outcome, output.style()));
     Ok(ExitCode::from(if passes { code::PASS } else { code::FAIL }))
 }
 

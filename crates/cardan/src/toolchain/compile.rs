@@ -45,11 +45,13 @@ pub(super) fn image(
     let folder = board_folder(workspace, board)?;
     let images = folder.join("images");
     let variant = if is_tapped { "tapped" } else { "plain" };
+    let sources = sources::digest(workspace, board)?;
     let build = Build {
         compiler,
         workspace,
         board,
         folder: &folder,
+        sources: &sources,
         is_quiet,
     };
     let Some(nodes) = wordlengths else {
@@ -57,11 +59,7 @@ pub(super) fn image(
         return Ok(elf);
     };
     let text = toml(nodes);
-    let key = [
-        sources::digest(workspace, board)?,
-        compiler.versions.to_string(),
-        text.clone(),
-    ];
+    let key = [sources.clone(), compiler.versions.to_string(), text.clone()];
     let key = hex_digest(key.join("\n").as_bytes());
     let kept = images.join(format!("{variant}-{}.elf", &key[..32]));
     if let Ok(elf) = fs::read(&kept) {
@@ -83,11 +81,13 @@ pub(super) fn tests(
     is_reported_aside: bool,
 ) -> Result<bool, Failure> {
     let folder = board_folder(workspace, board)?;
+    let sources = sources::digest(workspace, board)?;
     let build = Build {
         compiler,
         workspace,
         board,
         folder: &folder,
+        sources: &sources,
         is_quiet,
     };
     let emulator = std::env::current_exe()
@@ -155,6 +155,8 @@ struct Build<'a> {
     board: &'a Board,
     /// Cargo's target folder for this board.
     folder: &'a Path,
+    /// Digest of the sources.
+    sources: &'a str,
     is_quiet: bool,
 }
 
@@ -234,6 +236,8 @@ impl Build<'_> {
             .current_dir(self.workspace.join(self.board.folder))
             .env_remove("RUSTUP_TOOLCHAIN")
             .env_remove("CARDAN_WORDLENGTHS")
+            // The image tells what it was made of.
+            .env("CARDAN_SOURCES", self.sources)
             .env("CARGO_TARGET_DIR", self.folder)
             .env("RUSTC", &self.compiler.rustc)
             .env("RUSTC_BOOTSTRAP", "1")

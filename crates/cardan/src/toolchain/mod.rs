@@ -2,6 +2,7 @@
 //! checkout lies.
 
 mod compile;
+mod digest;
 mod elf;
 mod find;
 mod metadata;
@@ -18,7 +19,7 @@ pub(crate) use elf::sizes;
 pub(crate) use find::{Candidate, compilers, find, lld};
 pub(crate) use probe::{first_line, runs};
 pub(crate) use record::{Recorded, Versions, hex_digest};
-pub(crate) use sources::workspace;
+pub(crate) use sources::{digest_here, here, workspace};
 
 use crate::failure::Failure;
 
@@ -53,7 +54,7 @@ const REPLAY: &[&str] = &["firmware/boards/replay"];
 pub(crate) const BOARDS: [Board; 4] = [
     Board {
         name: "atmega328p",
-        folder: "firmware/boards/atmega328p",
+        folder: digest::REFERENCE,
         shared: &[],
         triple: "avr-none",
         runs_in: Runs::Emulator,
@@ -133,6 +134,7 @@ pub(crate) fn declared(nodes: &[NodeInfo], formats: &[Format]) -> Vec<DeclaredNo
     let declared = pairs.map(|(node, &format)| DeclaredNode {
         name: node.name.to_owned(),
         unit: node.unit.to_owned(),
+        meaning: node.meaning.to_owned(),
         format,
     });
     declared.collect()

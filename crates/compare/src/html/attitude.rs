@@ -3,12 +3,12 @@
 use cardan_golden::Angles;
 use maud::{Markup, html};
 
-use super::framed;
-use super::plot::{Layer, Plot, spans, stretches, ticks};
 use crate::attitude::{AttitudeErrors, Spread, rotation_error};
 use crate::format::{count, optional};
 use crate::input::{Comparison, Series};
 use crate::report::Report;
+use cardan_page::framed;
+use cardan_page::plot::{Layer, Plot, spans, stretches, ticks};
 
 /// Points of a curve at most; more cannot be told apart on a screen.
 const POINTS: usize = 1200;

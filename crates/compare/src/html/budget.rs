@@ -2,11 +2,11 @@
 
 use maud::{Markup, html};
 
-use super::framed;
-use super::plot::{Bar, bars};
 use crate::budget::{AngleSpread, PartDetail};
 use crate::format::{count, number, optional};
 use crate::report::Report;
+use cardan_page::framed;
+use cardan_page::plot::{Bar, bars};
 
 /// The parts in signal order, with what each of them is.
 const PARTS: [(&str, &str, &str); 7] = [

@@ -1,12 +1,9 @@
 //! The report as one self-contained page: no scripts, no fonts or images from elsewhere.
-//!
-//! A content security policy in the page forbids any fetch, so that it cannot grow a dependency
-//! unseen. It follows the reader's choice of light or dark.
 
 mod attitude;
 mod budget;
+mod flow;
 mod nodes;
-mod plot;
 mod run;
 mod summary;
 
@@ -14,7 +11,7 @@ use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use maud::{DOCTYPE, Markup, PreEscaped, html};
+use maud::html;
 
 use crate::input::Comparison;
 use crate::report::Report;
@@ -22,9 +19,6 @@ use crate::verdict::Verdict;
 
 /// File name of the page in the report's folder.
 pub const FILE: &str = "report.html";
-
-const STYLE: &str = include_str!("style.css");
-const POLICY: &str = "default-src 'none'; style-src 'unsafe-inline'";
 
 /// The page could not be written.
 #[derive(Debug, thiserror::Error)]
@@ -64,37 +58,13 @@ pub fn page(report: &Report, comparison: &Comparison) -> String {
         Verdict::Fail => "FAIL",
     };
     let title = format!("{verdict} · {} on {}", report.app, report.scenario);
-    let markup = html! {
-        (DOCTYPE)
-        html lang="en" {
-            head {
-                meta charset="utf-8";
-                meta name="viewport" content="width=device-width, initial-scale=1";
-                meta http-equiv="Content-Security-Policy" content=(POLICY);
-                meta name="color-scheme" content="light dark";
-                title { (title) }
-                style { (PreEscaped(STYLE)) }
-            }
-            body {
-                main {
-                    (summary::section(report))
-                    (attitude::section(report, comparison))
-                    (budget::section(report))
-                    (nodes::section(report, comparison))
-                    (run::section(report))
-                }
-            }
-        }
+    let content = html! {
+        (summary::section(report))
+        (attitude::section(report, comparison))
+        (budget::section(report))
+        (nodes::section(report, comparison))
+        (flow::section(report, comparison))
+        (run::section(report))
     };
-    markup.into_string()
-}
-
-/// A section with its heading and one sentence that says how to read it.
-fn framed(id: &str, title: &str, lead: &str, content: &Markup) -> Markup {
-    html! {
-        section id=(id) {
-            header { h2 { (title) } p.lead { (lead) } }
-            (content)
-        }
-    }
+    cardan_page::document(&title, &content)
 }

@@ -2,12 +2,14 @@
 
 use maud::{Markup, html};
 
-use super::framed;
-use super::plot::{Layer, Plot, spans, stretches, ticks};
+use cardan_page::framed;
+use cardan_page::plot::{Layer, Plot, spans, stretches, ticks};
+use cardan_page::unit::reading;
+
 use crate::format::{count, number, optional, percent};
 use crate::input::{Comparison, Node};
 use crate::metrics::{WRAPPING_UNIT, difference};
-use crate::nodes::NodeReport;
+use crate::nodes::{NodeReport, NodeStatus};
 use crate::report::Report;
 
 const STRETCHES: usize = 200;
@@ -35,8 +37,10 @@ pub(super) fn section(report: &Report, comparison: &Comparison) -> Markup {
         }
         p.note {
             "Format: integer bits, sign included, and fractional bits. "
-            "* judged against the same algorithm in f64, because golden has no such node."
+            "* judged against the same algorithm in f64, because golden has no such node. "
+            "! leaves the range of its format, within what its limit allows."
         }
+        (meanings(report))
         (reasons(report))
         h3 { "Error over time, in LSB of the node's format" }
         div.multiples {
@@ -57,20 +61,19 @@ pub(super) fn section(report: &Report, comparison: &Comparison) -> Markup {
 fn row(node: &NodeReport) -> Markup {
     let judged = node.judged();
     let max_abs = judged.and_then(|difference| difference.max_abs);
-    let used = max_abs.zip(node.tolerance).map(
-        |(error, limit)| {
-            if error == 0.0 { 0.0 } else { error / limit }
-        },
-    );
+    let used = judged.and_then(|difference| difference.used);
+    let reading = reading(&node.unit);
+    let shown = |value: Option<f64>| value.map(|value| reading.scale * value);
+    let is_odd = matches!(node.status, NodeStatus::Saturates | NodeStatus::Wraps);
     html! {
-        tr .bad[!node.pass] {
-            td.mark { @if node.pass { "✓" } @else { "✗" } }
+        tr .bad[!node.pass] .odd[is_odd] title=(node.meaning) {
+            td.mark { @if is_odd { "!" } @else if node.pass { "✓" } @else { "✗" } }
             th scope="row" { (node.name) @if node.golden_vs_native.is_none() { "*" } }
-            td { (node.unit) }
+            td { (reading.short) }
             td.number { (node.format.as_ref().map_or_else(|| "–".to_owned(), ToString::to_string)) }
-            td.number { (optional(node.min)) }
-            td.number { (optional(node.max)) }
-            td.number { (optional(max_abs)) }
+            td.number { (optional(shown(node.min))) }
+            td.number { (optional(shown(node.max))) }
+            td.number { (optional(shown(max_abs))) }
             td.number { (optional(judged.and_then(|difference| difference.max_lsb))) }
             td.number {
                 @match judged.and_then(|difference| difference.sqnr_db) {
@@ -78,7 +81,7 @@ fn row(node: &NodeReport) -> Markup {
                     None => "–",
                 }
             }
-            td.used { (meter(used, node.tolerance)) }
+            td.used { (meter(used, shown(node.tolerance))) }
             td.number { (count(node.overflows)) }
             td.number {
                 @match &node.native_vs_emulated {
@@ -107,6 +110,24 @@ fn meter(used: Option<f64>, tolerance: Option<f64>) -> Markup {
     }
 }
 
+/// What every node is.
+fn meanings(report: &Report) -> Markup {
+    if report.nodes.iter().all(|node| node.meaning.is_empty()) {
+        return html! {};
+    }
+    html! {
+        details {
+            summary { "What the nodes are" }
+            dl.reasons-of {
+                @for node in &report.nodes {
+                    dt { (node.name) " " span.muted { (reading(&node.unit).long) } }
+                    dd { (node.meaning) }
+                }
+            }
+        }
+    }
+}
+
 fn reasons(report: &Report) -> Markup {
     let given = || {
         report.nodes.iter().filter_map(|node| {
@@ -122,7 +143,7 @@ fn reasons(report: &Report) -> Markup {
             summary { "Reasons of the tolerances" }
             dl.reasons-of {
                 @for (name, tolerance, unit, reason) in given() {
-                    dt { (name) " " span.muted { (number(tolerance)) " " (unit) } }
+                    dt { (name) " " span.muted { (number(reading(unit).scale * tolerance)) " " (reading(unit).short) } }
                     dd { (reason) }
                 }
             }

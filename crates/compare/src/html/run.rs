@@ -2,9 +2,9 @@
 
 use maud::{Markup, html};
 
-use super::framed;
 use crate::format::{count, number, percent};
 use crate::report::Report;
+use cardan_page::framed;
 
 pub(super) fn section(report: &Report) -> Markup {
     html! {

@@ -97,10 +97,7 @@ fn attitude(report: &Report) -> Markup {
 
 /// The node that uses most of its tolerance.
 fn tolerance(report: &Report) -> Markup {
-    let used = |node: &NodeReport| {
-        let error = node.judged()?.max_abs?;
-        Some((error / node.tolerance?, node.name.clone()))
-    };
+    let used = |node: &NodeReport| Some((node.judged()?.used?, node.name.clone()));
     let most = report
         .nodes
         .iter()

@@ -113,6 +113,10 @@ fn nodes(golden: &Golden64) -> Vec<Node> {
                 overflows: 0,
                 allowance: None,
                 tuned: None,
+                meaning: format!("what {} is", shared.name),
+                inputs: Vec::new(),
+                operations: Vec::new(),
+                position: None,
                 tolerance: Some(Tolerance {
                     max_abs: if frac == 0 { 0.0 } else { 1.5 * lsb },
                     reason: "one rounding down, and half a step of the reference".into(),
@@ -218,6 +222,7 @@ pub(crate) fn comparison(solutions: usize) -> Comparison {
             .collect(),
         checks: Vec::new(),
         stage_limits: Vec::new(),
+        stale: None,
         tuned: None,
         most_flagged: None,
         flags,

@@ -19,7 +19,7 @@ macro_rules! nodes {
     )*
     pub(crate) const NODES: &[NodeInfo] = &[$(NodeInfo {
         name: $text,
-        unit: "1",
+        unit: "1", meaning: "",
         format: <$name as Node>::FORMAT,
     }),*];
     };

@@ -2,14 +2,18 @@
 
 use std::fmt::Write as _;
 
+use cardan_page::text::{Style, Tone};
 use cardan_tune::output::told;
 use cardan_tune::{Candidate, Outcome, Verification};
 
 /// Nodes that are listed by their share of the error.
 const LISTED: usize = 10;
 
-pub(super) fn render(outcome: &Outcome) -> String {
+pub(super) fn render(outcome: &Outcome, style: Style) -> String {
     let mut out = verdict(outcome);
+    let end = out.find('\n').unwrap_or(out.len());
+    let good = outcome.binding.is_none() && outcome.verified;
+    out.replace_range(..end, &style.toned(Tone::of(good), &out[..end]));
     let _ = writeln!(
         out,
         "{:<20} {:>6} {:>7} {:>10} {:>12}",

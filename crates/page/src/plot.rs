@@ -10,53 +10,74 @@ use maud::{Markup, html};
 use crate::format::number;
 
 /// A drawing's inner coordinates.
-const WIDTH: f64 = 1000.0;
-const HEIGHT: f64 = 100.0;
+pub(crate) const WIDTH: f64 = 1000.0;
+pub(crate) const HEIGHT: f64 = 100.0;
 
 /// What is drawn, from back to front.
-pub(super) enum Layer {
+#[derive(Clone, Debug)]
+pub enum Layer {
     /// A polyline that is interrupted where it jumps by `jump` or more.
     Line {
+        /// Class in the style sheet.
         class: &'static str,
+        /// Time and value.
         points: Vec<(f64, f64)>,
+        /// Jump that interrupts the line.
         jump: f64,
     },
     /// The area between the smallest and the largest value in each stretch of time.
     Band {
+        /// Class in the style sheet.
         class: &'static str,
+        /// Extremes per stretch.
         stretches: Vec<Option<Stretch>>,
     },
     /// A horizontal dashed line.
-    Level { class: &'static str, at: f64 },
+    Level {
+        /// Class in the style sheet.
+        class: &'static str,
+        /// Value.
+        at: f64,
+    },
     /// Vertical stripes: stretches of time in which something held.
     Shade {
+        /// Class in the style sheet.
         class: &'static str,
+        /// From and to.
         spans: Vec<(f64, f64)>,
     },
 }
 
 /// Smallest and largest value in a stretch of time.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Stretch {
-    pub(super) time: f64,
-    pub(super) low: f64,
-    pub(super) high: f64,
+pub struct Stretch {
+    /// Its middle.
+    pub time: f64,
+    /// Smallest value.
+    pub low: f64,
+    /// Largest value.
+    pub high: f64,
 }
 
 /// A curve over time.
-pub(super) struct Plot {
+#[derive(Clone, Debug)]
+pub struct Plot {
     /// Said aloud in place of the drawing.
-    pub(super) label: String,
-    pub(super) seconds: f64,
-    pub(super) low: f64,
-    pub(super) high: f64,
+    pub label: String,
+    /// Length of the horizontal axis.
+    pub seconds: f64,
+    /// Lower end of the vertical axis.
+    pub low: f64,
+    /// Its upper end.
+    pub high: f64,
     /// Where the vertical axis is marked.
-    pub(super) ticks: Vec<f64>,
+    pub ticks: Vec<f64>,
     /// Unit of the vertical axis, after the topmost mark.
-    pub(super) unit: &'static str,
+    pub unit: &'static str,
     /// Height in pixels.
-    pub(super) height: u32,
-    pub(super) layers: Vec<Layer>,
+    pub height: u32,
+    /// What is drawn, from back to front.
+    pub layers: Vec<Layer>,
 }
 
 impl Plot {
@@ -69,7 +90,9 @@ impl Plot {
         HEIGHT * (1.0 - part.clamp(-0.1, 1.1))
     }
 
-    pub(super) fn markup(&self) -> Markup {
+    /// The chart.
+    #[must_use]
+    pub fn markup(&self) -> Markup {
         let view = format!("0 0 {WIDTH} {HEIGHT}");
         let times = ticks(0.0, self.seconds, 6);
         let last = times.last().copied();
@@ -159,7 +182,8 @@ fn level(y: f64) -> String {
 }
 
 /// Divides `seconds` into equal stretches and takes the extremes of `values` (time, value) in each.
-pub(super) fn stretches(
+#[must_use]
+pub fn stretches(
     values: impl Iterator<Item = (f64, f64)>,
     seconds: f64,
     count: usize,
@@ -182,7 +206,8 @@ pub(super) fn stretches(
 }
 
 /// Spans of time in which any solution satisfies `holds`, to within a `count`-th of the whole.
-pub(super) fn spans(
+#[must_use]
+pub fn spans(
     solutions: usize,
     seconds: f64,
     count: usize,
@@ -209,7 +234,8 @@ pub(super) fn spans(
 }
 
 /// Round numbers that cover low..=high, about `about` of them.
-pub(super) fn ticks(low: f64, high: f64, about: usize) -> Vec<f64> {
+#[must_use]
+pub fn ticks(low: f64, high: f64, about: usize) -> Vec<f64> {
     let span = high - low;
     if span.is_nan() || span <= 0.0 || !span.is_finite() {
         return vec![low];
@@ -227,7 +253,7 @@ pub(super) fn ticks(low: f64, high: f64, about: usize) -> Vec<f64> {
 }
 
 /// A mark's label: no more digits than it needs.
-fn number_short(value: f64) -> String {
+pub(crate) fn number_short(value: f64) -> String {
     let text = number(value);
     if text.contains('.') && !text.contains('e') {
         text.trim_end_matches('0').trim_end_matches('.').to_owned()
@@ -237,15 +263,21 @@ fn number_short(value: f64) -> String {
 }
 
 /// A bar's name, its size (`None`: not in this run), and a remark.
-pub(super) struct Bar {
-    pub(super) name: String,
-    pub(super) remark: String,
-    pub(super) size: Option<f64>,
-    pub(super) class: &'static str,
+#[derive(Clone, Debug)]
+pub struct Bar {
+    /// Its name.
+    pub name: String,
+    /// A remark below it.
+    pub remark: String,
+    /// Its size.
+    pub size: Option<f64>,
+    /// Class in the style sheet.
+    pub class: &'static str,
 }
 
 /// Bars on a logarithmic scale with a mark at each decade; zero has no bar.
-pub(super) fn bars(bars: &[Bar], unit: &str) -> Markup {
+#[must_use]
+pub fn bars(bars: &[Bar], unit: &str) -> Markup {
     let sizes = || {
         let known = bars.iter().filter_map(|bar| bar.size);
         known.filter(|size| size.is_finite() && *size > 0.0)
