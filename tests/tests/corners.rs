@@ -22,7 +22,10 @@ fn corners(text: &str, more: &[&str]) -> Output {
     let file = folder.path().join("corners.toml");
     fs::write(&file, text).expect("written");
     let file = file.to_string_lossy();
-    let fixed = ["compare", "--quiet", "--seconds", "0.2", "--corners", &file];
+    let mut fixed = vec!["compare", "--quiet", "--corners", &file];
+    if !more.contains(&"--seconds") {
+        fixed.extend(["--seconds", "0.2"]);
+    }
     run(&[&fixed[..], more].concat())
 }
 
@@ -122,4 +125,134 @@ fn bad_corner_files_and_options_are_refused_before_anything_runs() {
     }
     let alone = run(&["compare", "--mc", "3"]);
     assert_eq!(alone.status.code(), Some(2));
+}
+
+#[test]
+fn a_yield_counts_the_error_against_truth_and_the_flagged_share() {
+    // An offset of 30 degrees of tilt: the firmware computes rightly what the sensor says wrongly.
+    let file = "[[corner]]\nname = \"off\"\nset = { \"sensors.accelerometer.offset_x_mg\" = 150.0 }\n\
+                [spread]\n\"sensors.accelerometer.offset_y_mg\" = { range = 150.0 }\n";
+    let output = corners(file, &["--json", "--mc", "3", "--seconds", "1"]);
+    assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
+    let found = document(&output);
+    let off = &found["runs"][1];
+    assert_eq!(off["verdict"], "fail");
+    assert!(
+        off["truth_missed"] == true || off["too_flagged"] == true,
+        "{off}"
+    );
+    let units = &found["runs"].as_array().expect("runs")[2..];
+    let failed = |key: &str| units.iter().filter(|run| run[key] == true).count();
+    assert_eq!(found["yield"]["truth_missed"], failed("truth_missed"));
+    assert_eq!(found["yield"]["too_flagged"], failed("too_flagged"));
+    let passed = units.iter().filter(|run| run["verdict"] == "pass").count();
+    assert_eq!(found["yield"]["passed"], passed);
+    // A limit of one's own stands in place of the scenario's.
+    let wide: Vec<&str> =
+        "--json --set tolerance.truth.rms_deg=180 --set tolerance.truth.p99_deg=180 \
+        --set tolerance.truth.max_deg=180 --set tolerance.status.most_flagged=1 --seconds 1"
+            .split_whitespace()
+            .collect();
+    let found = document(&corners(file, &wide));
+    assert_eq!(found["runs"][1]["truth_missed"], false);
+}
+
+#[test]
+fn a_recording_without_reference_has_figures_against_golden_and_counts_its_solutions() {
+    let folder = TempDir::new().expect("a folder");
+    let file = folder.path().join("still.csv");
+    let mut text = "t_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2,mag_x_uT,mag_y_uT,mag_z_uT\n".to_owned();
+    for row in 0..200 {
+        text += &format!("{:.2},0.5,1.0,9.7,10.0,20.0,-40.0\n", f64::from(row) * 0.01);
+    }
+    fs::write(&file, text).expect("written");
+    let corner = "[[corner]]\nname = \"warm\"\nset = { \"climate.start_k\" = 300.0 }\n";
+    let recording = file.to_string_lossy();
+    let output = corners(
+        corner,
+        &["--json", "--seconds", "1", "--recording", &recording],
+    );
+    let found = document(&output);
+    for run in found["runs"].as_array().expect("runs") {
+        assert_eq!(run["against"], "golden", "{run}");
+        assert!(run["solutions"].as_u64() > Some(100), "{run}");
+        assert!(run["rms_deg"].as_f64().expect("a figure") < 0.1, "{run}");
+        let share = run["flagged_share"].as_f64().expect("a share");
+        let counted = 1.0
+            - run["unflagged"].as_f64().expect("a count")
+                / run["solutions"].as_f64().expect("a count");
+        assert!((share - counted).abs() < 1e-12, "{run}");
+    }
+    let text = corners(corner, &["--seconds", "1", "--recording", &recording]);
+    assert!(String::from_utf8_lossy(&text.stdout).contains("no reference attitude"));
+}
+
+#[test]
+fn a_page_of_the_corners_is_written_where_it_is_asked_for() {
+    let folder = TempDir::new().expect("a folder");
+    let output = corners(
+        FILE,
+        &["--mc", "2", "--report", &folder.path().to_string_lossy()],
+    );
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let page = fs::read_to_string(folder.path().join("corners.html")).expect("written");
+    for word in ["hot", "mc-1", "climate.start_k", "Attitude error"] {
+        assert!(page.contains(word), "{word}");
+    }
+}
+
+#[test]
+fn settings_take_what_messages_advise_and_name_the_nearest_key() {
+    let set = |setting: &str| {
+        run(&[
+            "compare",
+            "--in-process",
+            "--seconds",
+            "0.2",
+            "--quiet",
+            "--set",
+            setting,
+        ])
+    };
+    for setting in [
+        "field.horizontal_ut=22 --set field.vertical_ut=40",
+        "tolerance.truth.rms_deg=100",
+        "tolerance.stages.adc_deg=100",
+        "tolerance.channels.bias_lsb=900",
+        "tolerance.status.most_flagged=1",
+        "tolerance.nodes.yaw=1",
+        "noise.enabled=false",
+        "sensors.third_tilt=measured",
+        "seconds=5",
+    ] {
+        let all: Vec<&str> = "compare --in-process --seconds 0.2 --quiet --set"
+            .split(' ')
+            .chain(setting.split(' '))
+            .collect();
+        let output = run(&all);
+        assert_ne!(
+            output.status.code(),
+            Some(2),
+            "{setting}: {}",
+            stderr(&output)
+        );
+    }
+    for (setting, near) in [
+        ("tolerance.truth.rms=1", "tolerance.truth.rms_deg"),
+        ("tolerance.truth.max=1", "tolerance.truth.max_deg"),
+        ("tolerance.most_flagged=1", "tolerance.status.most_flagged"),
+        ("tolerance.nodes.pich=1", "pitch"),
+        ("rms_deg=1", "tolerance.truth.rms_deg"),
+        ("field.horizontal=20", "field.horizontal_ut"),
+        ("noise.enable=1", "noise.enabled"),
+        ("climate.stort_k=1", "climate.start_k"),
+    ] {
+        let output = set(setting);
+        assert_eq!(output.status.code(), Some(2), "{setting}");
+        assert!(
+            stderr(&output).contains(&format!("did you mean '{near}'")),
+            "{setting}: {}",
+            stderr(&output)
+        );
+    }
 }

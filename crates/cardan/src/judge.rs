@@ -277,6 +277,10 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Result<Vec<N
             inputs: inputs_of(&flow, index, app.nodes()),
             operations: operations_of(&flow, index),
             position: flow.position(index),
+            writes: flow
+                .position(index)
+                .map(|at| flow.writes[at].clone())
+                .unwrap_or_default(),
             per_solution,
             format: Some(Format {
                 word: format.word,

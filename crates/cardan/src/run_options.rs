@@ -318,20 +318,19 @@ impl RunOptions {
 /// Limits of single nodes are of nodes that there are.
 fn check_nodes(scenario: &Scenario, app: &dyn App) -> Result<(), Failure> {
     let names = || app.nodes().iter().map(|node| node.name);
-    let unknown = scenario.tolerance.nodes.keys();
-    let unknown = unknown.filter(|node| !names().any(|name| name == node.as_str()));
-    for node in unknown {
-        let near = names()
-            .map(|name| (strsim::jaro_winkler(name, node), name))
-            .max_by(|a, b| a.0.total_cmp(&b.0))
-            .map_or("", |(_, name)| name);
-        return Err(Failure::input(format!(
-            "tolerance.nodes.{node}: the application {} has no such node; did you mean '{near}'? (all: \
-             cardan compare --explain all)",
-            app.name()
-        )));
-    }
-    Ok(())
+    let mut stated = scenario.tolerance.nodes.keys();
+    let Some(node) = stated.find(|node| !names().any(|name| name == node.as_str())) else {
+        return Ok(());
+    };
+    let near = names()
+        .map(|name| (strsim::jaro_winkler(name, node), name))
+        .max_by(|a, b| a.0.total_cmp(&b.0))
+        .map_or("", |(_, name)| name);
+    Err(Failure::input(format!(
+        "tolerance.nodes.{node}: the application {} has no such node; did you mean '{near}'? (all: \
+         cardan compare --explain all)",
+        app.name()
+    )))
 }
 
 /// `KEY=VALUE` of `--set`; whether there is such a parameter shows when the scenario is read.

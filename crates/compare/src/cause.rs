@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use crate::input::{Comparison, Node};
 use crate::nodes::NodeReport;
-use crate::verdict::Reason;
+use crate::reason::Reason;
 
 /// When and where a node fails: solution (none for statistics over the whole run) and place in the data flow.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -131,12 +131,28 @@ fn is_late(reason: &Reason) -> bool {
     )
 }
 
-fn solution(reason: &Reason) -> Option<usize> {
+/// Solution and sample in which it first shows; none for statistics of the whole run.
+fn first_shown(reason: &Reason) -> Option<(usize, usize)> {
     match reason {
-        Reason::ToleranceMissed { first, .. } => Some(first.solution),
-        Reason::BitsDiffer { first, .. } => Some(first.solution),
-        Reason::Overflows { first, .. } => Some(first.solution),
+        Reason::ToleranceMissed { first, .. } => Some((first.solution, first.sample)),
+        Reason::BitsDiffer { first, .. } => Some((first.solution, first.sample)),
+        Reason::Overflows { first, .. } => Some((first.solution, first.sample)),
         _ => None,
+    }
+}
+
+/// Where a node's first failure lies. A node that is used several times in a solution has a place for each
+/// of its writes.
+fn place(node: &Node, index: usize, own: &[Reason]) -> At {
+    let shown = own.iter().filter_map(first_shown).min();
+    let of_write = shown.and_then(|(_, sample)| {
+        let known = node.writes.len() == node.per_solution.max(1);
+        known.then(|| node.writes[sample % node.writes.len()])
+    });
+    let first = node.writes.first().copied().or(node.position);
+    At {
+        solution: shown.map(|(solution, _)| solution),
+        position: of_write.or(first).unwrap_or(index),
     }
 }
 
@@ -145,9 +161,8 @@ fn sorted(nodes: &[Node], failures: Vec<Vec<Reason>>, ancestors: &Ancestors) -> 
     let mut failing: Vec<(usize, At, Vec<Reason>)> = Vec::new();
     for (index, own) in failures.into_iter().enumerate() {
         if !own.is_empty() {
-            let position = nodes[index].position.unwrap_or(index);
-            let solution = own.iter().filter_map(solution).min();
-            failing.push((index, At { solution, position }, own));
+            let at = place(&nodes[index], index, &own);
+            failing.push((index, at, own));
         }
     }
     let places: Vec<(usize, At)> = failing.iter().map(|(index, at, _)| (*index, *at)).collect();

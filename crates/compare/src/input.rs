@@ -1,10 +1,10 @@
 //! What a comparison is made of: plain data that the caller collects from the participants.
 
-use std::fmt;
-
 use cardan_golden::Angles;
 use cardan_outputs::{Check, Message, Outputs, Status};
 use serde::Serialize;
+
+pub use crate::overflow::{Format, OnOverflow};
 
 /// Everything one run leaves behind.
 #[derive(Clone, Debug, Default)]
@@ -80,6 +80,8 @@ pub struct Node {
     pub operations: Vec<String>,
     /// Its place in the order of first writes, where the data flow is known.
     pub position: Option<usize>,
+    /// Places of its writes among all operations of a solution, where the data flow is known.
+    pub writes: Vec<usize>,
     /// Unit; differences of `half_turn` nodes are wrapped to half a turn either way.
     pub unit: String,
     /// Values per solution; 0 is taken as 1.
@@ -180,74 +182,6 @@ impl Node {
     /// Native's values in the node's unit.
     pub fn native_values(&self) -> impl ExactSizeIterator<Item = f64> + '_ {
         self.native.iter().map(|&raw| raw as f64 * self.lsb)
-    }
-}
-
-/// A fixed-point format.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize)]
-pub struct Format {
-    /// Word length in bits, sign included.
-    pub word: u32,
-    /// Fractional bits.
-    pub frac: i32,
-    /// Rounding mode.
-    pub rounding: String,
-    /// Overflow mode.
-    pub overflow: String,
-}
-
-impl Format {
-    /// Smallest and largest raw word.
-    #[must_use]
-    pub fn raw_range(&self) -> (i64, i64) {
-        let half = 1i128 << self.word.clamp(1, 64).saturating_sub(1);
-        ((-half) as i64, (half - 1) as i64)
-    }
-
-    /// True if the word covers one turn of an angle in half turns exactly, so that wrapping is right.
-    fn is_one_turn(&self) -> bool {
-        i64::from(self.word) - i64::from(self.frac) == 1
-    }
-}
-
-/// What a node's overflows do to it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "lowercase")]
-pub enum OnOverflow {
-    /// It stays at the end of its range.
-    Saturates,
-    /// It comes back at the other end, which is wrong for what it holds.
-    Wraps,
-    /// It comes back at the other end, as angles do.
-    Turns,
-}
-
-impl Node {
-    /// What an overflow does to it.
-    #[must_use]
-    pub fn on_overflow(&self) -> OnOverflow {
-        match &self.format {
-            Some(format) if format.overflow == "wrap" => {
-                if self.unit == crate::metrics::WRAPPING_UNIT && format.is_one_turn() {
-                    OnOverflow::Turns
-                } else {
-                    OnOverflow::Wraps
-                }
-            }
-            _ => OnOverflow::Saturates,
-        }
-    }
-}
-
-impl fmt::Display for Format {
-    /// Integer bits (the sign among them) and fractional bits: `2.14`.
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{}.{}",
-            i64::from(self.word) - i64::from(self.frac),
-            self.frac
-        )
     }
 }
 

@@ -47,6 +47,8 @@ mod limit;
 mod messages;
 mod metrics;
 mod nodes;
+mod overflow;
+mod reason;
 mod report;
 pub mod table;
 mod verdict;
@@ -64,5 +66,6 @@ pub use input::{
 pub use messages::{FlagCount, OutputReport, Statistics};
 pub use metrics::{Difference, Normalised, Violation};
 pub use nodes::{NodeReport, NodeStatus, Occurrence};
+pub use reason::Reason;
 pub use report::{Report, compare};
-pub use verdict::{Reason, Verdict};
+pub use verdict::Verdict;

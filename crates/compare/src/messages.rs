@@ -8,7 +8,7 @@ use crate::bits::FrameComparison;
 use crate::input::{Comparison, Node};
 use crate::limit::most_deviations;
 use crate::metrics::exceeds;
-use crate::verdict::Reason;
+use crate::reason::Reason;
 
 /// Share of the solutions in which rounding may decide a status bit, which is not judged there. A bit
 /// with a memory stays open for as long as that lasts after a quotient of two zeros (a tumble passes the

@@ -6,7 +6,7 @@ use crate::bits::BitComparison;
 use crate::input::{Format, Node, NodeInput, OnOverflow};
 use crate::limit::{most_bias, most_deviations, most_rms};
 use crate::metrics::{Against, Difference, Limits, Pair, Rule, WRAPPING_UNIT, exceeds};
-use crate::verdict::Reason;
+use crate::reason::Reason;
 
 /// A node in the report.
 #[derive(Clone, Debug, Serialize)]

@@ -11,7 +11,8 @@ use crate::cause;
 use crate::input::{Assumed, Comparison, EmulatorStatistics, LinkStatistics, Reproduce, Series};
 use crate::messages::{self, FlagCount, OutputReport};
 use crate::nodes::{self, NodeReport};
-use crate::verdict::{Reason, Verdict, check_chain, check_frames, check_run};
+use crate::reason::Reason;
+use crate::verdict::{Verdict, check_chain, check_frames, check_run};
 
 /// Everything that a comparison found. Serialised, it is the document of `compare --json`; figures
 /// that are undefined are null.

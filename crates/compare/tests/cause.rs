@@ -91,6 +91,36 @@ fn of_nodes_that_fail_in_one_solution_the_one_that_the_others_are_made_of_comes_
 }
 
 #[test]
+fn a_node_that_is_used_again_fails_where_its_write_is_and_not_where_it_is_used_first() {
+    // a is written before and after b: its first write is right, its second is made of b.
+    let mut comparison = run();
+    comparison.nodes[2].inputs = vec![NodeInput {
+        node: "b".into(),
+        earlier: false,
+    }];
+    let a = &mut comparison.nodes[2];
+    a.per_solution = 2;
+    a.writes = vec![0, 5];
+    a.native = (0..2 * SOLUTIONS as i64).collect();
+    a.emulated = Some(a.native.clone());
+    a.real = Some(a.native.iter().map(|&raw| raw as f64 * LSB).collect());
+    a.real.as_mut().unwrap()[1] += 3.0 * LSB;
+    comparison.nodes[1].writes = vec![2];
+    spoil(&mut comparison, "b", 0);
+    assert!(
+        first(&comparison).starts_with("node b: "),
+        "{}",
+        first(&comparison)
+    );
+    comparison.nodes[2].real.as_mut().unwrap()[0] += 3.0 * LSB;
+    assert!(
+        first(&comparison).starts_with("node a: "),
+        "{}",
+        first(&comparison)
+    );
+}
+
+#[test]
 fn a_node_that_fails_earlier_is_not_explained_by_one_that_fails_later() {
     let mut comparison = run();
     spoil(&mut comparison, "a", 5);

@@ -39,6 +39,24 @@ struct Layout {
     size: (f64, f64),
 }
 
+/// Characters that have room in the second line.
+const DETAIL: usize = 25;
+
+/// The second line of a node: what writes it, shortened where that has no room, and its format. Constants are
+/// left out beside other operations: they are what a node begins with.
+#[must_use]
+pub fn detail(operations: &[&str], format: &str) -> String {
+    let mut shown: Vec<&str> = operations.to_vec();
+    if shown.len() > 1 {
+        shown.retain(|operation| *operation != "constant");
+    }
+    let whole = format!("{} · {format}", shown.join(", "));
+    if whole.chars().count() <= DETAIL || shown.len() < 2 {
+        return whole;
+    }
+    format!("{} … · {format}", shown[0])
+}
+
 /// The drawing of nodes in the order of their first writes: an arrow from a later to an earlier node is
 /// drawn as one that leads back.
 #[must_use]
@@ -209,6 +227,16 @@ mod tests {
         for a in 0..5 {
             assert!((0..a).all(|b| layout.place[a] != layout.place[b]));
         }
+    }
+
+    #[test]
+    fn a_second_line_keeps_its_room() {
+        assert_eq!(detail(&["constant"], "1.15"), "constant · 1.15");
+        assert_eq!(detail(&["sum", "constant"], "1.15"), "sum · 1.15");
+        assert_eq!(
+            detail(&["square root", "negation"], "2.14"),
+            "square root … · 2.14"
+        );
     }
 
     #[test]

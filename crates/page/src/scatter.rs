@@ -97,7 +97,7 @@ impl Scatter {
                         }
                     }
                 }
-                div.x-axis aria-hidden="true" {
+                div.x-axis.marks aria-hidden="true" {
                     @for mark in &marks {
                         span style=(format!("left:{:.2}%", x(*mark))) { (number(*mark)) }
                     }

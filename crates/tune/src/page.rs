@@ -205,6 +205,19 @@ fn front(outcome: &Outcome) -> Markup {
             class: "device",
         })
     });
+    let best = outcome.best.error.map(|error| Point {
+        x: error,
+        y: outcome.best.bits as f64,
+        label: format!("result: {} bits", outcome.best.bits),
+        class: "device",
+    });
+    let is_new = |best: &Point| {
+        !outcome
+            .pareto
+            .iter()
+            .any(|point| point.bits as f64 == best.y)
+    };
+    let points = points.chain(best.filter(is_new));
     let apart = [Some(&outcome.deployed), outcome.best_uniform.as_ref()];
     let apart = apart.into_iter().flatten().filter_map(|candidate| {
         Some(Point {

@@ -2,7 +2,6 @@
 //! simulated values against the formats.
 
 use cardan_datapath::{Format, Overflow, Rounding};
-use cardan_page::format::optional;
 use cardan_page::unit::reading;
 use cardan_page::{document, framed, masthead, reproduce};
 use maud::{Markup, html};
@@ -39,7 +38,11 @@ pub(crate) fn ranges_table(nodes: &[NodeRange]) -> Markup {
     let row = |node: &NodeRange| {
         let reading = reading(&node.unit);
         let span = |lo: Option<f64>, hi: Option<f64>| {
-            let shown = |value: Option<f64>| optional(value.map(|value| reading.scale * value));
+            // Whether a range ends at 1 or right below it is what a format is chosen by.
+            let shown = |value: Option<f64>| {
+                let digits = |value: f64| format!("{:.5}", reading.scale * value);
+                value.map_or("–".to_owned(), digits)
+            };
             format!("{} … {}", shown(lo), shown(hi))
         };
         let is_safe = node.proven || node.wraps_by_design;

@@ -293,7 +293,7 @@ fn drawing(app: &dyn App, nodes: &[NodeInfo], own: &Flow) -> String {
             let only = |word: &str| operations.iter().all(|operation| *operation == word);
             flow::Node {
                 name: info.name.to_owned(),
-                detail: format!("{} · {integer}.{}", operations.join(", "), info.format.frac),
+                detail: flow::detail(operations, &format!("{integer}.{}", info.format.frac)),
                 meaning: info.meaning.to_owned(),
                 class: match () {
                     () if outputs.contains(&index) => "output",

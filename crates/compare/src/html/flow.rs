@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use cardan_page::flow::{Edge, Node, svg};
+use cardan_page::flow::{Edge, Node, detail, svg};
 use cardan_page::framed;
 use maud::{Markup, html};
 
@@ -33,6 +33,7 @@ pub(super) fn section(report: &Report, comparison: &Comparison) -> Markup {
         .map(|&at| {
             let (node, found) = (&comparison.nodes[at], &report.nodes[at]);
             let is = |word: &str| node.operations.iter().any(|operation| operation == word);
+            let operations: Vec<&str> = node.operations.iter().map(String::as_str).collect();
             let format = node
                 .format
                 .as_ref()
@@ -40,7 +41,7 @@ pub(super) fn section(report: &Report, comparison: &Comparison) -> Markup {
                 .unwrap_or_default();
             Node {
                 name: node.name.clone(),
-                detail: format!("{} · {format}", node.operations.join(", ")),
+                detail: detail(&operations, &format),
                 meaning: node.meaning.clone(),
                 class: match () {
                     () if !found.pass => "bad",

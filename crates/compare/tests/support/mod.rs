@@ -117,6 +117,7 @@ fn nodes(golden: &Golden64) -> Vec<Node> {
                 inputs: Vec::new(),
                 operations: Vec::new(),
                 position: None,
+                writes: Vec::new(),
                 tolerance: Some(Tolerance {
                     max_abs: if frac == 0 { 0.0 } else { 1.5 * lsb },
                     reason: "one rounding down, and half a step of the reference".into(),

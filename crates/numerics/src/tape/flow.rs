@@ -14,6 +14,8 @@ pub struct Flow {
     pub edges: Vec<Edge>,
     /// Nodes that a step's inputs enter.
     pub inputs: Vec<usize>,
+    /// Per node in `order`, the places of its writes in a step: a node that is used again has several.
+    pub writes: Vec<Vec<usize>>,
     /// Per node in `order`, the operations that write it, in words.
     pub operations: Vec<Vec<&'static str>>,
 }
@@ -44,7 +46,7 @@ impl Tape {
                 }
                 // What a step's node holds at first is no write of a step.
                 if is_step || !in_step.contains(&entry.node) {
-                    flow.note(entry);
+                    flow.note(entry, is_step.then_some(index));
                 }
                 let here = if is_step { Ref::Here } else { Ref::Before };
                 let mut sources = Sources {
@@ -76,16 +78,20 @@ impl Tape {
 }
 
 impl Flow {
-    fn note(&mut self, entry: &Entry) {
+    fn note(&mut self, entry: &Entry, place: Option<usize>) {
         let node = entry.node as usize;
         let at = match self.order.iter().position(|&known| known == node) {
             Some(at) => at,
             None => {
                 self.order.push(node);
                 self.operations.push(Vec::new());
+                self.writes.push(Vec::new());
                 self.order.len() - 1
             }
         };
+        if entry.op.is_recorded() {
+            self.writes[at].extend(place);
+        }
         let word = entry.op.word();
         if !self.operations[at].contains(&word) {
             self.operations[at].push(word);

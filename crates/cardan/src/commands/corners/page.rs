@@ -69,7 +69,7 @@ fn page(report: &Report) -> String {
 
 fn table(runs: &[&Run]) -> Markup {
     html! {
-        div.scroll { table.nodes {
+        div.scroll { table.nodes.runs {
             thead { tr {
                 th scope="col" {}
                 th scope="col" { "variant" }

@@ -129,7 +129,9 @@ impl Run {
         (
             self.refused.is_some(),
             self.verdict == "fail",
-            self.rms_deg.unwrap_or_default(),
+            // Of a run that fails without any solution to judge, nothing is known to be good.
+            self.rms_deg
+                .unwrap_or(if self.passes() { 0.0 } else { f64::INFINITY }),
             self.worst_node_share.unwrap_or_default(),
         )
     }
