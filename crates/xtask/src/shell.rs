@@ -71,6 +71,9 @@ pub(crate) fn run_watched(
 pub(crate) fn output(mut command: Command) -> Result<String, String> {
     let output = command.stderr(Stdio::inherit()).output();
     let output = output.map_err(|error| unusable(&command, &error))?;
+    if !output.status.success() {
+        return Err(unusable(&command, &output.status));
+    }
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
 }
 

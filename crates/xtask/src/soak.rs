@@ -36,7 +36,8 @@ pub(crate) fn soak(minutes: u64) -> Result<bool, String> {
         return Err("the fuzzer is missing; install it: cargo install cargo-fuzz".to_owned());
     }
     let list = output(fuzz(&["list", "--fuzz-dir", FUZZ]))?;
-    for name in list.lines() {
+    let names = targets(&list, &committed()?)?;
+    for name in names {
         let found = target().join("fuzz").join(name);
         fs::create_dir_all(&found).map_err(|error| format!("{}: {error}", found.display()))?;
         let corpus = root().join(FUZZ).join("corpus").join(name);
@@ -57,6 +58,28 @@ pub(crate) fn soak(minutes: u64) -> Result<bool, String> {
         is_good &= run(fuzz(&fuzzing))?;
     }
     Ok(is_good)
+}
+
+/// The targets that have a committed corpus.
+fn committed() -> Result<Vec<String>, String> {
+    let folder = root().join(FUZZ).join("corpus");
+    let entries =
+        fs::read_dir(&folder).map_err(|error| format!("{}: {error}", folder.display()))?;
+    let names = entries.flatten().map(|entry| entry.file_name());
+    Ok(names
+        .map(|name| name.to_string_lossy().into_owned())
+        .collect())
+}
+
+/// The targets in `list`, which must hold at least those with a corpus: a soak of nothing is none.
+fn targets<'a>(list: &'a str, expected: &[String]) -> Result<Vec<&'a str>, String> {
+    let names: Vec<&str> = list.lines().map(str::trim).collect();
+    let names: Vec<&str> = names.into_iter().filter(|name| !name.is_empty()).collect();
+    match expected.iter().find(|name| !names.contains(&name.as_str())) {
+        _ if names.is_empty() => Err(format!("`cargo fuzz list` finds no target in {FUZZ}")),
+        Some(name) => Err(format!("`cargo fuzz list` does not find the target {name}")),
+        None => Ok(names),
+    }
 }
 
 /// Random algorithms: recorded as what they are, trials exact, no false proof.
@@ -89,4 +112,25 @@ fn fuzz(arguments: &[&str]) -> std::process::Command {
     fuzz.env("RUSTC_BOOTSTRAP", "1");
     fuzz.env("CARGO_TARGET_DIR", target().join("fuzz/build"));
     fuzz
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_soak_without_targets_is_an_error() {
+        let expected = committed().expect("there is a corpus");
+        assert!(expected.len() >= 5, "{expected:?}");
+        assert!(targets("", &expected).is_err());
+        assert!(targets("decoder\n", &expected).is_err());
+        let all = expected.join("\n") + "\n";
+        assert_eq!(targets(&all, &expected).expect("all").len(), expected.len());
+    }
+
+    #[test]
+    fn a_command_that_fails_has_no_output() {
+        assert!(output(command("false", &[])).is_err());
+        assert_eq!(output(command("echo", &["x"])).as_deref(), Ok("x\n"));
+    }
 }

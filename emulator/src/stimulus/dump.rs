@@ -13,8 +13,12 @@ use super::{Input, Stimulus, StimulusError};
 /// Latest time accepted, in seconds, as for every other duration.
 const LATEST_S: u128 = 1_000_000;
 
+/// Deepest nesting of scopes.
+const MOST_SCOPES: usize = 256;
+
 /// Reads `text` of `file`; `hz` is the clock by which times are converted to cycles.
 pub(super) fn read(file: &str, text: &[u8], hz: u64) -> Result<Stimulus, StimulusError> {
+    check_nesting(file, text)?;
     // The parser wants white space after the last word.
     let mut parser = Parser::new(text.chain(&b"\n"[..]));
     let header = parser
@@ -70,6 +74,26 @@ pub(super) fn read(file: &str, text: &[u8], hz: u64) -> Result<Stimulus, Stimulu
         }
     }
     Ok(stimulus)
+}
+
+/// Refuses scopes in scopes without end: the parser descends into each with a call of its own.
+fn check_nesting(file: &str, text: &[u8]) -> Result<(), StimulusError> {
+    let mut depth = 0_usize;
+    for word in text.split(|byte| byte.is_ascii_whitespace()) {
+        match word {
+            b"$scope" => depth += 1,
+            b"$upscope" => depth = depth.saturating_sub(1),
+            b"$enddefinitions" => break,
+            _ => {}
+        }
+        if depth > MOST_SCOPES {
+            let what = format!(
+                "scopes are nested deeper than {MOST_SCOPES}; expected the dump of a design"
+            );
+            return Err(failure(file, what));
+        }
+    }
+    Ok(())
 }
 
 fn level(value: Value) -> Option<bool> {
