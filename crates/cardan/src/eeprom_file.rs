@@ -7,10 +7,13 @@ use cardan_bench::image::EepromImage;
 use ihex::{Reader, Record};
 
 use crate::failure::Failure;
-use crate::files::write_whole;
+use crate::files::{self, write_whole};
 
 /// Bytes of the largest EEPROM of the family.
 const MOST: usize = 4096;
+
+/// What names the file to be written.
+const OPTION: &str = "--out";
 
 /// Data bytes per record, as objcopy writes them.
 const PER_RECORD: usize = 16;
@@ -53,8 +56,8 @@ pub(crate) fn form_name(file: &Path) -> &'static str {
 /// Writes the content of an EEPROM from address 0.
 pub(crate) fn write(file: &Path, bytes: &[u8]) -> Result<(), Failure> {
     match form(file)? {
-        Form::Raw => write_whole(file, bytes),
-        Form::Hex => write_whole(file, hex(file, bytes)?),
+        Form::Raw => write_whole(OPTION, file, bytes),
+        Form::Hex => write_whole(OPTION, file, hex(file, bytes)?),
     }
 }
 
@@ -76,8 +79,7 @@ fn hex(file: &Path, bytes: &[u8]) -> Result<String, Failure> {
 pub(crate) fn read(file: &Path) -> Result<EepromImage, Failure> {
     let form = form(file)?;
     let name = file.display().to_string();
-    let bytes = std::fs::read(file)
-        .map_err(|error| Failure::input(format!("{name}: cannot be read: {error}")))?;
+    let bytes = files::read(file)?;
     let bytes = match form {
         Form::Raw => bytes,
         Form::Hex => {

@@ -93,8 +93,7 @@ enum Command {
 pub fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        // Wrong usage is exit 2; help and version are not errors.
-        Err(error) => error.exit(),
+        Err(error) => return usage(&error),
     };
     // A participant that `compare` started ends with it, from its first moment on.
     cardan_link::end_with_supervisor();
@@ -117,6 +116,36 @@ pub fn main() -> ExitCode {
     };
     match done {
         Ok(code) => code,
+        Err(failure) => {
+            output.error(&failure);
+            failure.exit_code()
+        }
+    }
+}
+
+/// Wrong usage is exit 2; help and version are results, in a document if that is asked for.
+fn usage(error: &clap::Error) -> ExitCode {
+    if error.use_stderr() {
+        // Where even errors go nothing can be told of an error.
+        let _ = error.print();
+        return ExitCode::from(failure::code::INPUT);
+    }
+    let is_json = std::env::args_os().any(|argument| argument == "--json");
+    let options = output::Options {
+        json: is_json,
+        quiet: true,
+    };
+    let output = Output::new(&options);
+    let text = error.render();
+    let written = if is_json {
+        output.document(&serde_json::json!({ "help": text.to_string() }))
+    } else if output.has_colour() {
+        output.result(&text.ansi().to_string())
+    } else {
+        output.result(&text.to_string())
+    };
+    match written {
+        Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
             output.error(&failure);
             failure.exit_code()

@@ -1,6 +1,8 @@
 //! What goes to standard output and standard error, for people and for programs.
+//!
+//! A result that cannot be written is an error, whatever it says; a note that cannot is none.
 
-use std::io::{self, IsTerminal, Write};
+use std::io::{self, ErrorKind, IsTerminal, Write};
 
 use cardan_page::text::Style;
 use clap::Args;
@@ -8,6 +10,8 @@ use rustix::termios::tcgetwinsize;
 
 /// Width of text that no terminal shows: every column has room.
 const WIDE: usize = 200;
+
+use crate::failure::Failure;
 
 /// Options of every command.
 #[derive(Args, Clone, Copy, Debug)]
@@ -71,21 +75,25 @@ impl Output {
     }
 
     /// The command's JSON document.
-    pub(crate) fn document(self, document: &impl serde::Serialize) {
+    ///
+    /// # Errors
+    /// It cannot be written.
+    pub(crate) fn document(self, document: &impl serde::Serialize) -> Result<(), Failure> {
         let text = serde_json::to_string_pretty(document)
-            .unwrap_or_else(|error| format!("{{\"error\":\"{error}\"}}"));
-        self.write(&mut io::stdout(), &text);
+            .map_err(|error| Failure::participant(format!("the document: {error}")))?;
+        to_standard_output(text.trim_end_matches('\n').as_bytes(), true)
     }
 
     /// The command's result for people: standard output, or standard error beside JSON.
-    pub(crate) fn result(self, text: &str) {
+    ///
+    /// # Errors
+    /// It cannot be written to standard output.
+    pub(crate) fn result(self, text: &str) -> Result<(), Failure> {
         if self.json {
-            if !self.quiet {
-                self.write(&mut io::stderr(), text);
-            }
-        } else {
-            self.write(&mut io::stdout(), text);
+            self.note(text);
+            return Ok(());
         }
+        to_standard_output(text.trim_end_matches('\n').as_bytes(), true)
     }
 
     /// What is going on, unless quiet; standard error.
@@ -109,8 +117,32 @@ impl Output {
         self.write(&mut io::stderr(), &format!("cardan: {error}"));
     }
 
-    /// A closed pipe is the reader's choice, not an error.
+    /// Where even errors go nothing can be told of an error.
     fn write(self, to: &mut dyn Write, text: &str) {
         let _ = writeln!(to, "{}", text.trim_end_matches('\n'));
     }
+}
+
+/// Writes a result to standard output, to its last byte; with a line end if that is wanted.
+///
+/// # Errors
+/// The system's: a full disk, a reader that is gone. (Where standard output was closed from the
+/// beginning, the standard library has put `/dev/null`, as the user wanted.)
+pub(crate) fn to_standard_output(text: &[u8], ends_line: bool) -> Result<(), Failure> {
+    let mut to = io::stdout().lock();
+    let end: &[u8] = if ends_line { b"\n" } else { b"" };
+    let written = to
+        .write_all(text)
+        .and_then(|()| to.write_all(end))
+        .and_then(|()| to.flush());
+    written.map_err(|error| match error.kind() {
+        ErrorKind::BrokenPipe => lost(&"its reader is gone"),
+        _ => lost(&error),
+    })
+}
+
+fn lost(why: &dyn std::fmt::Display) -> Failure {
+    Failure::input(format!(
+        "standard output: the result cannot be written: {why}"
+    ))
 }

@@ -42,7 +42,8 @@ impl Rig {
         let arguments = Arguments::try_parse_from(line).map_err(|error| error.to_string())?;
         let told = |failure: Failure| failure.to_string();
         let setup = arguments.compare.run.resolve().map_err(told)?;
-        let collected = compare::collected(&setup, &SessionId::fresh(), None).map_err(told)?;
+        let collected = compare::collected(&setup, &SessionId::fresh(), None, compare::PATIENCE)
+            .map_err(told)?;
         Ok(Self { setup, collected })
     }
 

@@ -7,13 +7,16 @@ use cardan_bench::app::by_name;
 use cardan_bench::image::Firmware;
 use cardan_datapath::wordlengths::{self, Tuned};
 use cardan_datapath::{Format, table_hash};
-use cardan_scenario::Scenario;
+use cardan_scenario::scenario::MotionKind;
 use cardan_scenario::third_tilt;
 use cardan_scenario::tolerance::Tolerance;
+use cardan_scenario::{Scenario, Trajectory};
 use clap::Args;
 
 use crate::eeprom_file;
 use crate::failure::Failure;
+use crate::files::{self, Plan};
+use crate::output::Output;
 use crate::toolchain::{self, BOARDS};
 
 /// Name of the image that is part of this program.
@@ -92,6 +95,16 @@ pub(crate) struct Setup {
 }
 
 impl RunOptions {
+    /// The files that are read.
+    pub(crate) fn inputs(&self) -> Plan {
+        Plan::default()
+            .input("--scenario", Some(Path::new(&self.scenario)))
+            .input("--recording", self.recording.as_deref())
+            .input("--firmware", self.firmware.as_deref())
+            .input("--eeprom", self.eeprom.as_deref())
+            .input("--wordlengths", self.wordlengths.as_deref())
+    }
+
     /// Everything but the image: what a participant without hardware needs.
     pub(crate) fn app_and_formats(&self) -> Result<AppAndFormats, Failure> {
         let app = by_name(&self.app).map_err(Failure::input)?;
@@ -333,6 +346,38 @@ fn check_nodes(scenario: &Scenario, app: &dyn App) -> Result<(), Failure> {
     )))
 }
 
+/// How fast a comparison runs against the simulated time, roughly (ARCHITECTURE.md, "Measured").
+const SPEED: f64 = 20.0;
+/// Memory that a comparison takes per simulated second, in bytes, over all its processes.
+const MEMORY_PER_SECOND: f64 = 4.0 * 1.6e9 / 3600.0;
+/// Runs that take longer, in seconds, say so before they begin.
+const LONG_S: f64 = 120.0;
+
+impl Setup {
+    /// Says what the user should know before a long wait: gaps of a recording, and how long it takes.
+    pub(crate) fn announce(&self, output: Output) -> Result<(), Failure> {
+        let mut seconds = self.seconds;
+        if self.scenario.motion.kind == MotionKind::Recording {
+            let trajectory = Trajectory::new(&self.scenario, self.seed).map_err(Failure::input)?;
+            if let Some(remark) = trajectory.remark() {
+                output.note(&format!("warning: {remark}"));
+            }
+            seconds = trajectory
+                .duration_s()
+                .map_or(seconds, |end| end.min(seconds));
+        }
+        if seconds / SPEED > LONG_S {
+            let minutes = (seconds / SPEED / 60.0).ceil();
+            let gigabytes = seconds * MEMORY_PER_SECOND / 1e9;
+            output.note(&format!(
+                "this run simulates {seconds:.0} s: about {minutes} minutes (at {SPEED} times real time) \
+                 and {gigabytes:.1} GB of memory; --seconds S makes it shorter"
+            ));
+        }
+        Ok(())
+    }
+}
+
 /// `KEY=VALUE` of `--set`; whether there is such a parameter shows when the scenario is read.
 fn setting(text: &str) -> Result<(String, f64), String> {
     let expected =
@@ -353,8 +398,7 @@ fn setting(text: &str) -> Result<(String, f64), String> {
 }
 
 fn read(file: &Path) -> Result<Vec<u8>, Failure> {
-    std::fs::read(file)
-        .map_err(|error| Failure::input(format!("{}: cannot be read: {error}", file.display())))
+    files::read(file)
 }
 
 fn read_wordlengths(

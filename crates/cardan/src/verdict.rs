@@ -10,7 +10,8 @@ use clap::Args;
 
 use crate::ci::CiOptions;
 use crate::dump::{self, DumpOptions};
-use crate::failure::{Done, Failure, code};
+use crate::failure::{Done, code};
+use crate::files::{Plan, write_into};
 use crate::output::Output;
 use crate::participants::diff::Collected;
 use crate::run_options::RunOptions;
@@ -27,6 +28,17 @@ pub(crate) struct Extras {
     pub(crate) ci: CiOptions,
 }
 
+impl Extras {
+    /// The same with everything that `run` reads, for a check before the work.
+    pub(crate) fn files(&self, run: &RunOptions) -> Plan {
+        run.inputs().output("--dump", self.dump.file()).folder(
+            "--report",
+            self.report.as_deref(),
+            &[html::FILE],
+        )
+    }
+}
+
 /// Judges, prints, writes; the exit code is the verdict.
 pub(crate) fn publish(
     comparison: &Comparison,
@@ -38,7 +50,8 @@ pub(crate) fn publish(
     let mut report = compare(comparison);
     extras.ci.judge(&mut report)?;
     if let Some(folder) = &extras.report {
-        let path = html::write(&report, comparison, folder).map_err(Failure::input)?;
+        let page = html::page(&report, comparison);
+        let path = write_into("--report", folder, html::FILE, page)?;
         output.note(&format!("report: {}", path.display()));
     }
     if let Some((plan, app)) = dump {
@@ -47,9 +60,9 @@ pub(crate) fn publish(
     }
     extras.ci.write(&report, output)?;
     if output.is_json() {
-        output.document(&report);
+        output.document(&report)?;
     }
-    output.result(&table::render(&report, output.style()));
+    output.result(&table::render(&report, output.style()))?;
     if let Some(crash) = &collected.emulated_summary.crash {
         output.error(&format!("the emulated program crashed: {crash}"));
         return Ok(ExitCode::from(code::CRASH));

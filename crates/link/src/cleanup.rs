@@ -18,13 +18,11 @@ use iceoryx2::service::service_hash::ServiceHash;
 use iceoryx2::unique_id_generator::unique_system_id::UniqueSystemId;
 
 use crate::error::LinkError;
+use crate::resources::SHARED_MEMORY;
 use crate::role::Role;
 use crate::session_id::SessionId;
 use crate::stream::{Stream, Visitor, for_each};
 use crate::transport::{NODE_PREFIX, config, service_text};
-
-/// Where Linux keeps POSIX shared memory.
-const SHARED_MEMORY: &str = "/dev/shm";
 
 /// How long another process may take that is cleaning up the same node.
 const PATIENCE: Duration = Duration::from_millis(500);
@@ -123,7 +121,11 @@ fn remove_stillborn(config: &Config) {
     let Ok(entries) = fs::read_dir(&root) else {
         return;
     };
-    let candidates: Vec<_> = entries.flatten().filter(is_old_and_ours).collect();
+    let prefix = config.global.prefix.to_string();
+    let candidates: Vec<_> = entries
+        .flatten()
+        .filter(|entry| is_old_and_ours(entry, &prefix))
+        .collect();
     if candidates.is_empty() {
         return;
     }
@@ -137,15 +139,15 @@ fn remove_stillborn(config: &Config) {
         let is_listed = name.parse().is_ok_and(|id: u128| listed.contains(&id));
         if complete.is_ok() && !is_listed {
             for part in ["", "_owner_lock", "_context"] {
-                remove(&root.join(format!("iox2_{name}.node_monitor{part}")));
+                remove(&root.join(format!("{prefix}{name}.node_monitor{part}")));
             }
             remove(&entry.path());
         }
     }
 }
 
-fn is_old_and_ours(folder: &fs::DirEntry) -> bool {
-    let details = folder.path().join("iox2_node.details");
+fn is_old_and_ours(folder: &fs::DirEntry, prefix: &str) -> bool {
+    let details = folder.path().join(format!("{prefix}node.details"));
     let text = fs::read_to_string(&details).unwrap_or_default();
     let made = fs::metadata(&details).and_then(|meta| meta.modified());
     let age = made.ok().and_then(|made| made.elapsed().ok());
@@ -210,9 +212,10 @@ fn unfinished_management() -> Option<(PathBuf, Duration)> {
         .ok()?
         .flatten()
         .map(|entry| entry.path());
+    let prefix = config().global.prefix.to_string();
     let mut segments = paths.filter(|path| {
-        path.extension()
-            .is_some_and(|extension| extension == "global_mgmt")
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
+        name.starts_with(&prefix) && name.ends_with(".global_mgmt")
     });
     let path = segments.find(|path| is_unfinished(path))?;
     let age = fs::metadata(&path).ok()?.modified().ok()?.elapsed().ok()?;
@@ -298,7 +301,11 @@ fn description<S: Stream>(session: &SessionId, writer: Role) -> Option<String> {
     type Hasher = <ipc::Service as Service>::ServiceNameHasher;
     let name = ServiceName::new(&service_text::<S>(session, writer)).ok()?;
     let hash = ServiceHash::new::<Hasher>(&name, MessagingPattern::PublishSubscribe);
-    Some(format!("iox2_{}.service", hash.as_str()))
+    Some(format!(
+        "{}{}.service",
+        config().global.prefix,
+        hash.as_str()
+    ))
 }
 
 fn remove(path: &Path) {

@@ -16,6 +16,12 @@ pub enum Death {
     /// It said that it gives up.
     #[error("gave up; its own message says why")]
     Aborted,
+    /// It is stopped by a signal and did not go on.
+    #[error(
+        "is stopped (SIGSTOP or Ctrl-Z) and did not go on; mend: kill -CONT it in time, or raise \
+         --stall-timeout"
+    )]
+    Stopped,
 }
 
 impl Death {
@@ -24,6 +30,7 @@ impl Death {
             Self::Killed => 0,
             Self::Left => 1,
             Self::Aborted => 2,
+            Self::Stopped => 3,
         }
     }
 
@@ -31,6 +38,7 @@ impl Death {
         match code {
             0 => Self::Killed,
             1 => Self::Left,
+            3 => Self::Stopped,
             _ => Self::Aborted,
         }
     }
@@ -154,9 +162,33 @@ pub enum LinkError {
         /// The writer.
         role: Role,
     },
+    /// Shared memory is full.
+    #[error(
+        "shared memory: {folder} has {free_kb} kB free, a session needs {needed_kb} kB; mend: remove what \
+         fills it, or enlarge it: mount -o remount,size=64M {folder}"
+    )]
+    NoSharedMemory {
+        /// Where it is.
+        folder: &'static str,
+        /// Free kilobytes.
+        free_kb: u64,
+        /// Kilobytes that are needed.
+        needed_kb: u64,
+    },
+    /// The process may not open as many files as a session has.
+    #[error(
+        "file handles: this process may have {allowed} files open, a session needs {needed}; mend: \
+         ulimit -n {needed}"
+    )]
+    TooFewFiles {
+        /// How many are allowed.
+        allowed: u64,
+        /// How many are needed.
+        needed: u64,
+    },
     /// iceoryx2 refused.
     #[error(
-        "{doing}: {cause}; mend: see that /dev/shm and the temporary folder are writable and not full"
+        "{doing}: {cause}; mend: see that /dev/shm and the temporary folder are writable and not full (`cardan doctor`)"
     )]
     Transport {
         /// What was being done.

@@ -48,8 +48,10 @@ mod error;
 mod handle;
 mod opening;
 mod options;
+mod place;
 mod port;
 mod record;
+mod resources;
 mod role;
 mod session;
 mod session_id;
@@ -63,7 +65,7 @@ pub use blob::{Blob, BlobReader, BlobWriter};
 pub use cleanup::cleanup;
 pub use error::{Death, LinkError};
 pub use handle::{Reader, Writer};
-pub use options::Options;
+pub use options::{Options, STALL_TIMEOUT};
 pub use port::Traffic;
 pub use record::{
     Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, Status, TruthSample,
@@ -71,7 +73,7 @@ pub use record::{
 pub use role::Role;
 pub use session::{Counters, Session};
 pub use session_id::SessionId;
-pub use supervisor::{Ending, Finished, Participant, Supervisor, SupervisorError};
+pub use supervisor::{Ending, Finished, Participant, Supervisor, SupervisorError, supervise};
 pub use transport::Transport;
 pub use watch::end_with_supervisor;
 

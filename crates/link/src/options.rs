@@ -30,6 +30,8 @@ pub struct Options {
     pub format_hash: u64,
     /// How long to wait for the others.
     pub join_timeout: Duration,
+    /// How long a peer that is stopped by a signal may stay so.
+    pub stall_timeout: Duration,
     /// Records per slice.
     pub batch_records: usize,
     /// Slices that wait per reader before the writer must wait.
@@ -39,8 +41,11 @@ pub struct Options {
     pub supervised: bool,
 }
 
+/// How long a participant may be stopped, unless said otherwise.
+pub const STALL_TIMEOUT: Duration = Duration::from_secs(30);
+
 impl Options {
-    /// All four roles, 10 s to join, batches of 256 records, 16 of which are buffered per reader.
+    /// All four roles, 10 s to join, 30 s to be stopped, batches of 256 records, 16 of which are buffered per reader.
     #[must_use]
     pub fn new(role: Role, session: SessionId) -> Self {
         Self {
@@ -50,6 +55,7 @@ impl Options {
             transport: Transport::Processes,
             format_hash: 0,
             join_timeout: Duration::from_secs(10),
+            stall_timeout: STALL_TIMEOUT,
             batch_records: 256,
             buffered_batches: 16,
             supervised: std::env::var_os(SUPERVISED).is_some(),

@@ -14,6 +14,7 @@ use crate::opening::{OpenInputs, OpenOutputs};
 use crate::options::Options;
 use crate::port::{AnyInput, AnyOutput, Input, Output, Traffic};
 use crate::record::Notice;
+use crate::resources;
 use crate::role::Role;
 use crate::shared::Shared;
 use crate::stream::{Blobs, Notices, Stream, for_each};
@@ -54,6 +55,9 @@ impl Session {
         cleanup::await_management();
         let verdict = Arc::<Verdict>::default();
         end_with_supervisor();
+        if options.transport == Transport::Processes {
+            resources::check()?;
+        }
         if !options.supervised && options.transport == Transport::Processes {
             cleanup::heal();
             cleanup::cleanup(&options.session);
@@ -66,6 +70,9 @@ impl Session {
             options.session.clone(),
             options.peers(),
             stale,
+            // A supervisor looks after its children itself.
+            (!options.supervised && options.transport == Transport::Processes)
+                .then_some(options.stall_timeout),
             Arc::clone(&verdict),
         );
         let deadline = Instant::now() + options.join_timeout;

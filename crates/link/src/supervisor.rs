@@ -10,6 +10,9 @@ use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
 use crate::cleanup::{Owner, await_management, heal, sweep};
+use crate::error::{Death, LinkError};
+use crate::options::STALL_TIMEOUT;
+use crate::resources::{self, is_stopped};
 use crate::role::Role;
 use crate::session_id::SessionId;
 
@@ -28,6 +31,9 @@ const GRACE: Duration = Duration::from_millis(600);
 
 /// Exit code of a participant that lost a peer.
 const EXIT_DIED: i32 = 3;
+
+/// What ends a process that writes to shared memory when there is none left.
+const SIGBUS: i32 = 7;
 
 /// Bytes of standard error that are kept.
 const TAIL: usize = 64 * 1024;
@@ -64,6 +70,12 @@ impl Participant {
     }
 }
 
+/// Makes a child of `command` end when this process does, however that ends, as long as its standard
+/// input, which is a pipe now, is held open. For children that are no participants of a session.
+pub fn supervise(command: &mut Command) {
+    command.env(SUPERVISED, "1").stdin(Stdio::piped());
+}
+
 /// How a child process ended.
 #[derive(Debug, Clone, Copy, PartialEq, Eq)]
 pub enum Ending {
@@ -96,6 +108,9 @@ impl std::fmt::Display for Ending {
         match self {
             Self::Exit(code) => write!(f, "ended with exit code {code}"),
             Self::Signal(9) => f.write_str("was killed (SIGKILL)"),
+            Self::Signal(SIGBUS) => f.write_str(
+                "was ended by SIGBUS: shared memory (/dev/shm) ran full; mend: make room there",
+            ),
             Self::Signal(signal) => write!(f, "was ended by signal {signal}"),
         }
     }
@@ -135,6 +150,15 @@ pub enum SupervisorError {
         /// The last kilobytes of its standard error.
         stderr: String,
     },
+    /// A process was stopped by a signal and did not go on in time.
+    #[error("participant '{role}' {}", Death::Stopped)]
+    Stopped {
+        /// Its part.
+        role: Role,
+    },
+    /// The system has not what a session needs.
+    #[error(transparent)]
+    Resources(LinkError),
 }
 
 impl SupervisorError {
@@ -171,9 +195,20 @@ struct Running {
     stdout: Option<JoinHandle<Vec<u8>>>,
     stderr: Option<JoinHandle<String>>,
     ending: Option<Ending>,
+    /// Since when it is seen to be stopped.
+    stopped: Option<Instant>,
 }
 
 impl Running {
+    /// True if it is stopped, and has been for as long as that.
+    fn is_stalled(&mut self, timeout: Duration) -> bool {
+        if self.ending.is_some() || !is_stopped(self.child.id()) {
+            self.stopped = None;
+            return false;
+        }
+        self.stopped.get_or_insert_with(Instant::now).elapsed() >= timeout
+    }
+
     fn start(participant: Participant) -> Result<Self, SupervisorError> {
         let Participant {
             role,
@@ -212,6 +247,7 @@ impl Running {
             owner: Owner::of_child(child.id()),
             child,
             ending: None,
+            stopped: None,
         })
     }
 
@@ -283,6 +319,7 @@ fn read_tail(pipe: ChildStderr, forward: bool) -> String {
 pub struct Supervisor {
     session: SessionId,
     children: Vec<Running>,
+    stall_timeout: Duration,
 }
 
 impl Supervisor {
@@ -295,16 +332,25 @@ impl Supervisor {
         participants: Vec<Participant>,
     ) -> Result<Self, SupervisorError> {
         crate::quieten();
+        resources::check().map_err(SupervisorError::Resources)?;
         await_management();
         heal();
         let mut supervisor = Self {
             session: session.clone(),
             children: Vec::new(),
+            stall_timeout: STALL_TIMEOUT,
         };
         for participant in participants {
             supervisor.children.push(Running::start(participant)?);
         }
         Ok(supervisor)
+    }
+
+    /// How long a child may be stopped by a signal, instead of 30 s.
+    #[must_use]
+    pub const fn stall_timeout(mut self, timeout: Duration) -> Self {
+        self.stall_timeout = timeout;
+        self
     }
 
     /// The process id of a participant.
@@ -334,6 +380,14 @@ impl Supervisor {
                 Some(_) => {}
                 None if !running => break,
                 None => blame_until = None,
+            }
+            let timeout = self.stall_timeout;
+            let mut children = self.children.iter_mut();
+            if let Some(role) =
+                children.find_map(|child| child.is_stalled(timeout).then_some(child.role))
+            {
+                self.end();
+                return Err(SupervisorError::Stopped { role });
             }
             std::thread::sleep(PERIOD);
         }

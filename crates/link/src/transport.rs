@@ -14,6 +14,7 @@ use iceoryx2::service::builder::publish_subscribe::PublishSubscribeOpenError;
 use iceoryx2::service::port_factory::publish_subscribe::PortFactory as PubSub;
 
 use crate::error::LinkError;
+use crate::place;
 use crate::record::{Header, Record};
 use crate::role::Role;
 use crate::session_id::SessionId;
@@ -128,7 +129,7 @@ pub(crate) fn peers(transport: Transport, session: &SessionId) -> Result<Vec<Pee
     }
 }
 
-/// iceoryx2's settings: the defaults (so that every session uses the one root path and prefix),
+/// iceoryx2's settings: the defaults (so that every session of a user uses one root path and prefix),
 /// but participants do not clean up behind others on their own account. That would hide a death
 /// from those who have to notice it, and be cut short when the supervisor ends the run.
 pub(crate) fn config() -> Config {
@@ -138,6 +139,7 @@ pub(crate) fn config() -> Config {
     config.global.service.cleanup_dead_nodes_on_open = false;
     // A creator that was killed half-way must not hold up the others for long.
     config.global.creation_timeout = Duration::from_millis(250);
+    place::settle(&mut config);
     config
 }
 

@@ -8,10 +8,11 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
 use std::sync::{Arc, Mutex, Once, PoisonError};
 use std::thread::JoinHandle;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use crate::cleanup::{Owner, remove_unfinished};
 use crate::error::{Death, LinkError};
+use crate::resources::is_stopped;
 use crate::role::Role;
 use crate::session_id::SessionId;
 use crate::supervisor::SUPERVISED;
@@ -90,6 +91,7 @@ impl Watch {
         session: SessionId,
         expected: Vec<Role>,
         stale: Vec<Peer>,
+        stall_timeout: Option<Duration>,
         verdict: Arc<Verdict>,
     ) -> Self {
         let (stop, stopped) = channel();
@@ -98,6 +100,8 @@ impl Watch {
             stale,
             verdict,
             misses: [0; Role::ALL.len()],
+            stall_timeout,
+            stopped: [None; Role::ALL.len()],
         };
         let thread = std::thread::spawn(move || {
             loop {
@@ -136,12 +140,36 @@ struct Rounds {
     stale: Vec<Peer>,
     verdict: Arc<Verdict>,
     misses: [u32; Role::ALL.len()],
+    /// How long a peer may be stopped; none if somebody else looks after that.
+    stall_timeout: Option<Duration>,
+    /// Since when each is seen to be stopped.
+    stopped: [Option<Instant>; Role::ALL.len()],
 }
 
 impl Rounds {
+    /// Names a peer that is stopped for too long.
+    fn judge_stopped(&mut self, now: &[Peer]) {
+        let Some(timeout) = self.stall_timeout else {
+            return;
+        };
+        for peer in now.iter().filter(|peer| peer.alive) {
+            let pid = u32::try_from(Owner::of(peer.node).pid);
+            let since = &mut self.stopped[peer.role.index()];
+            if !pid.is_ok_and(is_stopped) {
+                *since = None;
+            } else if since.get_or_insert_with(Instant::now).elapsed() >= timeout {
+                self.verdict.fail(LinkError::PeerDied {
+                    role: peer.role,
+                    how: Death::Stopped,
+                });
+            }
+        }
+    }
+
     fn judge(&mut self, now: &[Peer]) {
         let stale = |peer: &Peer| self.stale.iter().any(|old| old.node == peer.node);
         let now: Vec<_> = now.iter().filter(|peer| !stale(peer)).copied().collect();
+        self.judge_stopped(&now);
         // Those that were killed first: others may have left because of them.
         let dead = |peer: &&Peer| !peer.alive && self.expected.contains(&peer.role);
         if let Some(peer) = now.iter().find(dead) {
@@ -208,6 +236,8 @@ mod tests {
             stale: Vec::new(),
             verdict: Arc::default(),
             misses: [0; 4],
+            stall_timeout: None,
+            stopped: [None; 4],
         }
     }
 

@@ -46,6 +46,13 @@ impl Scenario {
             9.9,
             "9.7 to 9.9 m/s^2",
         )?;
+        within(
+            "motion.recording.longest_gap_s",
+            self.motion.recording.longest_gap_s,
+            1e-6,
+            1e6,
+            "1e-6 to 1e6 s",
+        )?;
         if !self.mounting.is_rotation() {
             let axes = [
                 self.mounting.x_body,

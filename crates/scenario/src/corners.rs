@@ -23,6 +23,7 @@ use serde::Deserialize;
 use crate::error::Error;
 use crate::random::{Random, Source};
 use crate::scenario::Scenario;
+use crate::source::{self, MOST_TEXT};
 use crate::syntax;
 
 /// Draws of one value before a spread is taken to lie outside the admissible range.
@@ -83,7 +84,7 @@ impl Corners {
     /// # Errors
     /// Unreadable file, syntax, unknown key, inadmissible value.
     pub fn load(path: &Path, scenario: &Scenario) -> Result<Self, Error> {
-        let text = std::fs::read_to_string(path).map_err(|reason| Error::Unreadable {
+        let text = source::read_text(path, MOST_TEXT).map_err(|reason| Error::Unreadable {
             path: path.into(),
             reason,
         })?;

@@ -193,6 +193,15 @@ fn motion(out: &mut Page, scenario: &Scenario) {
     );
     let about = "Local gravity, unit m/s^2, 9.7 to 9.9; without it the recording's own at rest.";
     out.optional(about, "gravity_m_s2", m.recording.gravity_m_s2, "9.8048");
+    let about = "A longer time without a sample is a gap, which no judged solution may see, unit s;\n\
+                 without it, five typical sampling intervals.";
+    out.optional(about, "longest_gap_s", m.recording.longest_gap_s, "0.1");
+    let about =
+        "Interpolates a magnetometer that is slower than the accelerometer (empty mag cells).";
+    out.key(about, "interpolate_mag", m.recording.interpolate_mag);
+    let about = "The acc columns hold gravity (down at rest) and not specific force; without it the\n\
+                 recording must show that they do not.";
+    out.optional(about, "acc_is_gravity", m.recording.acc_is_gravity, "true");
 }
 
 fn field_table(out: &mut Page, scenario: &Scenario) {

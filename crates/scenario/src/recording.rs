@@ -14,7 +14,10 @@ use crate::experience::{Experience, REFERENCE_K};
 use crate::field::EarthField;
 use crate::mounting::Mounting;
 use crate::recording_file::{self, Row};
+use crate::recording_gaps::{self as gaps, Gap};
+use crate::recording_plausible as plausible;
 use crate::rotation::{self, Quaternion};
+use crate::scenario::RecordingChoice;
 
 /// Longest bridged gap, in typical sampling intervals: of samples for the curve, of reference
 /// orientations for slerp.
@@ -37,24 +40,34 @@ pub struct Recording {
     ned_to_enu: Matrix3<f64>,
     mounting: Matrix3<f64>,
     has_reference: bool,
+    /// Times without a sample, longer than is bridged.
+    gaps: Vec<Gap>,
+    longest_gap_s: f64,
     notes: Vec<(&'static str, String, String)>,
 }
 
 impl Recording {
-    /// Reads `file`; `gravity_m_s2` and `field` where known, else estimated.
+    /// Reads `file` as `choice` says; gravity and `field` where known, else estimated.
     ///
     /// # Errors
     /// Everything in [`recording_file::read`]; no rest in the recording from which to estimate.
     pub fn open(
         file: &Path,
         mounting: &Mounting,
-        gravity_m_s2: Option<f64>,
+        choice: &RecordingChoice,
         field: Option<EarthField>,
     ) -> Result<Self, Error> {
-        let rows = recording_file::read(file)?;
+        let rows = recording_file::read(file, choice)?;
         let mut intervals: Vec<f64> = rows.windows(2).map(|w| w[1].t_s - w[0].t_s).collect();
+        let typical_interval_s = median(&mut intervals);
+        plausible::check_rate(file, typical_interval_s)?;
+        let longest_gap_s = choice
+            .longest_gap_s
+            .unwrap_or(LONGEST_GAP * typical_interval_s);
         let mut recording = Self {
-            typical_interval_s: median(&mut intervals),
+            typical_interval_s,
+            gaps: gaps::find(&rows, longest_gap_s),
+            longest_gap_s,
             has_reference: rows.iter().any(|row| row.reference.is_some()),
             rows,
             gravity_m_s2: 0.0,
@@ -66,8 +79,12 @@ impl Recording {
             mounting: mounting.matrix(),
             notes: Vec::new(),
         };
-        recording.settle_gravity(file, gravity_m_s2)?;
+        recording.settle_sign(file, choice.acc_is_gravity, field)?;
+        recording.settle_gravity(file, choice.gravity_m_s2)?;
         recording.settle_field(file, field)?;
+        recording
+            .notes
+            .extend(gaps::note(&recording.gaps, longest_gap_s));
         Ok(recording)
     }
 
@@ -152,7 +169,7 @@ impl Recording {
     /// Rows whose differences give the slopes at both ends of an interval; the interval itself at
     /// the ends of the recording and beside gaps.
     fn neighbours(&self, index: usize) -> [(usize, usize); 2] {
-        let longest = LONGEST_GAP * self.typical_interval_s;
+        let longest = self.longest_gap_s;
         let close = |i: usize| self.rows[i + 1].t_s - self.rows[i].t_s <= longest;
         let before = index
             .checked_sub(1)
@@ -200,8 +217,9 @@ impl Recording {
             return Err(Error::Recording {
                 file: file.into(),
                 message: format!(
-                    "specific force at rest is {gravity:.4} m/s^2, expected about 9.81: check the \
-                     unit of acc_*_m_s2, or set motion.recording.gravity_m_s2"
+                    "specific force at rest is {gravity:.4} m/s^2, expected about 9.81: {}check the \
+                     unit of acc_*_m_s2, or set motion.recording.gravity_m_s2",
+                    plausible::force_hint(gravity)
                 ),
             });
         }
@@ -213,6 +231,51 @@ impl Recording {
             how,
         ));
         Ok(())
+    }
+
+    /// Settles whether the acceleration is specific force (up at rest) or gravity, and makes it the
+    /// former.
+    fn settle_sign(
+        &mut self,
+        file: &Path,
+        stated: Option<bool>,
+        field: Option<EarthField>,
+    ) -> Result<(), Error> {
+        if stated == Some(true) {
+            for row in &mut self.rows {
+                row.force_m_s2 = row.force_m_s2.map(|force| -force);
+            }
+        }
+        let fault = plausible::sign(self.upward_force(), self.field_at_rest(), field, stated);
+        match fault {
+            None => Ok(()),
+            Some(message) => Err(Error::Recording {
+                file: file.into(),
+                message,
+            }),
+        }
+    }
+
+    /// Median of the specific force along the reference's up; none where nothing tells it.
+    fn upward_force(&self) -> Option<f64> {
+        let up = |row: &Row| {
+            let turned = rotation::from_quaternion(row.reference?) * Vector3::from(row.force_m_s2);
+            Some(turned.z)
+        };
+        let mut up: Vec<f64> = self.rows.iter().filter_map(up).collect();
+        (up.len() >= LEAST_REFERENCE_ROWS).then(|| median(&mut up))
+    }
+
+    /// True if between these instants, or so shortly before that the device remembers, lies a gap.
+    #[must_use]
+    pub fn is_bridged(&self, from_s: f64, to_s: f64) -> bool {
+        gaps::touch(&self.gaps, from_s, to_s)
+    }
+
+    /// The gaps in a line; none if there are none.
+    #[must_use]
+    pub fn remark(&self) -> Option<String> {
+        gaps::remark(&self.gaps, self.longest_gap_s)
     }
 
     /// Settles field and magnetic north.
@@ -257,8 +320,10 @@ impl Recording {
                 file: file.into(),
                 message: format!(
                     "the estimated field ({:.2} uT horizontal, {:.2} uT down) cannot give a \
-                     heading: check mag_*_uT, or set field.horizontal_ut and field.vertical_ut",
-                    field.horizontal_ut, field.vertical_ut
+                     heading: {}check mag_*_uT, or set field.horizontal_ut and field.vertical_ut",
+                    field.horizontal_ut,
+                    field.vertical_ut,
+                    plausible::field_hint(field.total_ut())
                 ),
             });
         }

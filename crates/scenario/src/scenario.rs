@@ -13,6 +13,7 @@ use crate::hardware::{Accelerometer, Adc, Clock, Controller, Frontend, Magnetome
 use crate::mounting::Mounting;
 use crate::overlay::{Climate, Disturbance, Vibration};
 use crate::parameter::{Origin, Parameter, Parameters};
+use crate::source::{self, MOST_TEXT};
 use crate::sweep::{Step, Sweep};
 use crate::syntax;
 use crate::third_tilt;
@@ -140,6 +141,14 @@ pub struct RecordingChoice {
     pub file: Option<PathBuf>,
     /// Local gravity in m/s^2; without it, the recording's own at rest.
     pub gravity_m_s2: Option<f64>,
+    /// A longer time without a sample is a gap, in seconds; without it, five typical intervals.
+    pub longest_gap_s: Option<f64>,
+    /// A magnetometer that is slower than the accelerometer, with empty cells between its samples, is
+    /// interpolated.
+    pub interpolate_mag: bool,
+    /// The acceleration columns hold gravity (down at rest) and not specific force; without it the
+    /// recording is asked.
+    pub acc_is_gravity: Option<bool>,
 }
 
 /// The Earth's field; for a recording only what is explicit counts.
@@ -269,7 +278,7 @@ impl Scenario {
         if !path.exists() {
             return Err(unknown(name));
         }
-        let text = std::fs::read_to_string(path).map_err(|reason| Error::Unreadable {
+        let text = source::read_text(path, MOST_TEXT).map_err(|reason| Error::Unreadable {
             path: path.into(),
             reason,
         })?;
@@ -349,6 +358,10 @@ impl Scenario {
     fn switch_mut(&mut self, key: &str) -> Option<&mut bool> {
         match key {
             "noise.enabled" => Some(&mut self.noise.enabled),
+            "motion.recording.interpolate_mag" => Some(&mut self.motion.recording.interpolate_mag),
+            "motion.recording.acc_is_gravity" => {
+                Some(self.motion.recording.acc_is_gravity.get_or_insert_default())
+            }
             _ => None,
         }
     }
@@ -422,6 +435,18 @@ impl Scenario {
                 return Err(range(key, value, "true (1) or false (0)"));
             }
             *switch = value == 1.0;
+            return Ok(());
+        }
+        let choice = &mut self.motion.recording;
+        let optional = match key {
+            "motion.recording.gravity_m_s2" => Some(&mut choice.gravity_m_s2),
+            "motion.recording.longest_gap_s" => Some(&mut choice.longest_gap_s),
+            "field.horizontal_ut" => Some(&mut self.field.horizontal_ut),
+            "field.vertical_ut" => Some(&mut self.field.vertical_ut),
+            _ => None,
+        };
+        if let Some(optional) = optional {
+            *optional = Some(value);
             return Ok(());
         }
         if self.tolerance.set(key, value) {

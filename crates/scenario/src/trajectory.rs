@@ -50,9 +50,9 @@ impl Trajectory {
         let overlay = Overlay::new(vibration, climate, disturbance);
         let motion = match (scenario.motion.kind, &scenario.motion.recording.file) {
             (MotionKind::Recording, Some(file)) => {
-                let gravity = scenario.motion.recording.gravity_m_s2;
+                let choice = &scenario.motion.recording;
                 let explicit = scenario.field.explicit();
-                let recording = Recording::open(file, &scenario.mounting, gravity, explicit)?;
+                let recording = Recording::open(file, &scenario.mounting, choice, explicit)?;
                 let field = recording.field();
                 let motion = Moving::Recording(Box::new(recording));
                 return Ok(Self {
@@ -115,6 +115,25 @@ impl Trajectory {
     pub fn duration_s(&self) -> Option<f64> {
         match &self.motion {
             Moving::Recording(recording) => Some(recording.duration_s()),
+            _ => None,
+        }
+    }
+
+    /// True if the motion between these instants is not known: a gap of the recording lies there, or
+    /// so shortly before that the device has not forgotten it.
+    #[must_use]
+    pub fn is_bridged(&self, from_s: f64, to_s: f64) -> bool {
+        match &self.motion {
+            Moving::Recording(recording) => recording.is_bridged(from_s, to_s),
+            _ => false,
+        }
+    }
+
+    /// What the user should know of a recording before it is run, in a line; none if nothing.
+    #[must_use]
+    pub fn remark(&self) -> Option<String> {
+        match &self.motion {
+            Moving::Recording(recording) => recording.remark(),
             _ => None,
         }
     }

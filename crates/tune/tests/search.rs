@@ -200,3 +200,62 @@ fn bad_budgets_and_options_are_told_with_what_is_admissible() {
         .contains("at least one")
     );
 }
+
+#[test]
+fn a_journal_cut_or_glued_anywhere_gives_the_same_result() {
+    let problem = problem(200);
+    let folder = tempfile::tempdir().expect("temporary folder");
+    let journal = folder.path().join("search.journal");
+    let with = |budget: &str| Options {
+        journal: Some(journal.clone()),
+        ..options(budget)
+    };
+    let whole = quiet(&problem, &with("y.rms<=1e-3")).expect("runs");
+    let own = std::fs::read(&journal).expect("is written");
+    std::fs::remove_file(&journal).expect("is there");
+    quiet(&problem, &with("y.max<=1e-3")).expect("runs");
+    let foreign = std::fs::read(&journal).expect("is written");
+    let header = own.iter().position(|&byte| byte == b'\n').expect("a line") + 1;
+    let at = |share: usize| own.len() * share / 7;
+    let mut pieces = vec![
+        own[..0].to_vec(),
+        own[..header / 2].to_vec(),
+        own[..header].to_vec(),
+        own[header..].to_vec(),
+        [&own[..], &own].concat(),
+        [&own[..at(4)], &foreign].concat(),
+        [&foreign[..], &own].concat(),
+        [&own[..at(2)], &own[at(3)..]].concat(),
+        [
+            &own[..at(5)],
+            &own[at(1)..at(2)],
+            b"\xff\x00\n",
+            &own[at(2)..],
+        ]
+        .concat(),
+    ];
+    pieces.extend((1..7).map(|share| own[..at(share)].to_vec()));
+    // A digit that changed on the disk.
+    let digit = own.iter().rposition(u8::is_ascii_digit).expect("numbers");
+    let mut changed = own.clone();
+    changed[digit - 2] = if changed[digit - 2] == b'1' {
+        b'2'
+    } else {
+        b'1'
+    };
+    pieces.push(changed);
+    for (number, piece) in pieces.iter().enumerate() {
+        std::fs::write(&journal, piece).expect("written");
+        let resumed = quiet(&problem, &with("y.rms<=1e-3")).expect("goes on");
+        assert_eq!(resumed.best, whole.best, "piece {number}");
+        assert_eq!(resumed.evaluations, whole.evaluations, "piece {number}");
+        // What was evaluated again is kept again.
+        let kept = std::fs::read(&journal).expect("is there");
+        assert!(kept.len() >= own.len(), "piece {number}");
+    }
+    std::fs::write(&journal, "a text of somebody's\n").expect("written");
+    assert!(matches!(
+        quiet(&problem, &with("y.rms<=1e-3")),
+        Err(TuneError::Journal(_))
+    ));
+}

@@ -229,7 +229,13 @@ impl Board<'_> {
         self.state.hold_sum = 0;
         self.state.pending.push_back(done);
         let time_s = mean / CPU_HZ as f64 - self.frontend.design().group_delay_s();
+        // Half of what is averaged, on either side.
+        let reach_s = Cycles(done).seconds(CPU_HZ) - mean / CPU_HZ as f64;
+        let is_known = !self
+            .trajectory
+            .is_bridged(time_s - reach_s, time_s + reach_s);
         let attitude = self.trajectory.truth_at(time_s.max(0.0));
+        let attitude = attitude.filter(|_| is_known);
         let yaw_pitch_roll_rad = attitude.map(|m| {
             let Angles { yaw, pitch, roll } = angles_of(&m);
             [yaw.radians(), pitch.radians(), roll.radians()]

@@ -258,7 +258,10 @@ impl Instruments<'_> {
             (before - now * 2.0 + after).norm() / 2.0 < CURVATURE
                 && (now.norm() - 1.0).abs() < LENGTH_WITHIN
         };
-        steady(before.0, now.0, after.0) && steady(before.1, now.1, after.1)
+        let span_s = EVEN_S + REFERENCE_S;
+        !self.motion.is_bridged(t_s - span_s, t_s + span_s)
+            && steady(before.0, now.0, after.0)
+            && steady(before.1, now.1, after.1)
     }
 }
 

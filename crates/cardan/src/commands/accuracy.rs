@@ -110,9 +110,9 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         scenario.check().map_err(Failure::input)?;
         let document = chopping::document(&scenario, frequencies)?;
         if output.is_json() {
-            output.document(&document);
+            output.document(&document)?;
         }
-        output.result(&document.table());
+        output.result(&document.table())?;
         return Ok(ExitCode::SUCCESS);
     }
     let noise_lsb = noise(arguments.published_levels);
@@ -138,9 +138,9 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
             most_tilt_deg: arguments.tilt,
             noise_lsb,
             rows: &rows,
-        });
+        })?;
     }
-    output.result(&table(&rows, noise_lsb));
+    output.result(&table(&rows, noise_lsb))?;
     let same = rows.iter().all(|row| row.native_mismatches == 0);
     Ok(ExitCode::from(u8::from(!same)))
 }

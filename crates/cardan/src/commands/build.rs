@@ -4,7 +4,6 @@ pub(crate) mod measure;
 mod report;
 mod simulate;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -16,7 +15,7 @@ use clap::Args;
 use self::measure::measure_both;
 use self::report::{Document, ImageReport, TargetReport};
 use crate::failure::{Done, Failure, code};
-use crate::files::write_whole;
+use crate::files::{Plan, make_folder, read_text, write_whole};
 use crate::output::Output;
 use crate::toolchain::{self, BOARDS, Board, Built, Runs};
 
@@ -82,24 +81,38 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if arguments.test {
         return test(&boards, output);
     }
+    let mut plan = Plan::default().input("--wordlengths", arguments.wordlengths.as_deref());
+    for board in &boards {
+        plan = plan.folder("--out", out(arguments, board).as_deref(), &FILES);
+    }
+    plan.check()?;
     // Before the first build takes its minutes.
     for board in &boards {
         toolchain::find(board).map_err(Failure::input)?;
     }
     let mut reports = Vec::new();
     for board in boards {
-        let folder = arguments.out.as_ref().map(|out| match arguments.target {
-            Targets::All => out.join(board.name),
-            Targets::One(_) => out.clone(),
-        });
+        let folder = out(arguments, board);
         reports.push(target(board, nodes.as_deref(), folder.as_deref(), output)?);
     }
     let document = Document::new(reports);
     if output.is_json() {
-        output.document(&document);
+        output.document(&document)?;
     }
-    output.result(&document.to_string());
+    output.result(&document.to_string())?;
     Ok(ExitCode::SUCCESS)
+}
+
+/// Files of `--out`.
+const FILES: [&str; 3] = ["plain.elf", "tapped.elf", "toolchain.toml"];
+
+/// The board's folder of `--out`.
+fn out(arguments: &Arguments, board: &Board) -> Option<PathBuf> {
+    let out = arguments.out.as_ref()?;
+    Some(match arguments.target {
+        Targets::All => out.join(board.name),
+        Targets::One(_) => out.clone(),
+    })
 }
 
 /// Runs the targets' own tests. Programs for QEMU have none: what they compute is compared with what
@@ -126,7 +139,7 @@ fn test(boards: &[&Board], output: Output) -> Done {
         passed &= is_good;
     }
     if output.is_json() {
-        output.document(&serde_json::json!({ "tests_passed": results }));
+        output.document(&serde_json::json!({ "tests_passed": results }))?;
     }
     Ok(ExitCode::from(if passed { code::PASS } else { code::FAIL }))
 }
@@ -170,14 +183,9 @@ fn write(board: &Board, folder: &Path, plain: &Built, tapped: &Built) -> Result<
     let record = toolchain::record(board, &plain.elf, &tapped.elf)?.to_toml()?;
     let put = |name: &str, bytes: &[u8]| {
         let file = folder.join(name);
-        write_whole(&file, bytes)
+        write_whole("--out", &file, bytes)
     };
-    fs::create_dir_all(folder).map_err(|error| {
-        Failure::input(format!(
-            "--out {}: cannot be made: {error}",
-            folder.display()
-        ))
-    })?;
+    make_folder("--out", folder)?;
     put("plain.elf", &plain.elf)?;
     put("tapped.elf", &tapped.elf)?;
     put("toolchain.toml", record.as_bytes())
@@ -186,8 +194,7 @@ fn write(board: &Board, folder: &Path, plain: &Built, tapped: &Built) -> Result<
 /// Reads a word-length file into the order of the application's nodes.
 fn formats(file: &Path, app: &'static dyn App) -> Result<Vec<DeclaredNode>, Failure> {
     let name = file.display().to_string();
-    let text = fs::read_to_string(file)
-        .map_err(|error| Failure::input(format!("{name}: cannot be read: {error}")))?;
+    let text = read_text(file)?;
     let declared = wordlengths::parse(&text, &name).map_err(Failure::input)?;
     let formats = wordlengths::align(&declared, app.nodes(), &name).map_err(Failure::input)?;
     Ok(toolchain::declared(app.nodes(), &formats))

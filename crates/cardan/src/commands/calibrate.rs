@@ -62,12 +62,15 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if let Some(file) = &arguments.out {
         eeprom_file::check_name(file)?;
     }
+    let files = arguments.run.inputs();
+    files.output("--out", arguments.out.as_deref()).check()?;
     if let (Some(file), Some(port)) = (&arguments.image, &arguments.send) {
         return send_file(&arguments.run.app, file, port, output);
     }
     let setup = arguments.run.resolve_plain()?;
     let recorded = setup.scenario.motion.kind == MotionKind::Recording;
     check_options(arguments, recorded)?;
+    setup.announce(output)?;
     let request = Request {
         scenario: &setup.scenario,
         seed: setup.seed,
@@ -111,9 +114,9 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         sent,
     );
     if output.is_json() {
-        output.document(&document);
+        output.document(&document)?;
     }
-    output.result(&table::render(&document));
+    output.result(&table::render(&document))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -124,9 +127,9 @@ fn send_file(app: &str, file: &Path, port: &str, output: Output) -> Done {
     let image = app.settings_image(&content).map_err(Failure::input)?;
     let sent = send::send(app, port, &image, output)?;
     if output.is_json() {
-        output.document(&sent);
+        output.document(&sent)?;
     }
-    output.result(&sent.to_string());
+    output.result(&sent.to_string())?;
     Ok(ExitCode::SUCCESS)
 }
 

@@ -8,7 +8,8 @@ use std::thread;
 use std::time::Duration;
 
 use cardan_link::{
-    Ending, Finished, Participant, Role, SessionId, Supervisor, SupervisorError, Transport,
+    Ending, Finished, Participant, Role, STALL_TIMEOUT, SessionId, Supervisor, SupervisorError,
+    Transport,
 };
 use cardan_scenario::{Scenario, print_scenario};
 use clap::Args;
@@ -18,16 +19,19 @@ use super::explain;
 use crate::dump;
 use crate::failure::{Done, Failure, code};
 use crate::judge;
-use crate::output::Output;
-use crate::participants::{diff, emulated, golden, join, native};
+use crate::output::{Output, to_standard_output};
+use crate::participants::{Patience, diff, emulated, golden, join, native};
 use crate::run_options::{RunOptions, Setup};
 use crate::verdict::{self, Extras};
 
 /// Name of the session in results when the user gave none: results of equal runs are equal.
 const AUTOMATIC: &str = "auto";
 
-/// How long children wait for each other.
-const JOIN_TIMEOUT: Duration = Duration::from_secs(10);
+/// How long participants wait for each other where nobody says.
+pub(crate) const PATIENCE: Patience = Patience {
+    join_timeout: Duration::from_secs(10),
+    stall_timeout: STALL_TIMEOUT,
+};
 
 /// Options of `compare`.
 #[derive(Args, Debug)]
@@ -41,6 +45,8 @@ pub(crate) struct CompareArgs {
     /// Session in which the participants meet [default: one of its own]
     #[arg(long, value_name = "ID")]
     session: Option<String>,
+    #[command(flatten)]
+    patience: Patience,
     /// All participants as threads of this process
     #[arg(long)]
     in_process: bool,
@@ -64,10 +70,9 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
         return explain::write_documents(folder, &args.run, output);
     }
     if args.print_scenario {
-        let scenario = Scenario::load(&args.run.scenario).map_err(Failure::input)?;
-        output.result(&print_scenario(&scenario));
-        return Ok(ExitCode::SUCCESS);
+        return print(&args.run.scenario, output);
     }
+    args.extras.files(&args.run).check()?;
     let session: SessionId = match &args.session {
         Some(id) => id.parse().map_err(Failure::input)?,
         None => SessionId::fresh(),
@@ -79,6 +84,7 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
     let setup = args.run.resolve()?;
     let plan = args.extras.dump.plan(setup.app)?;
     args.extras.ci.check(&setup)?;
+    setup.announce(output)?;
     setup
         .app
         .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
@@ -96,13 +102,26 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
     }
 }
 
+/// Prints a scenario, as a file that is one; as JSON its keys and values.
+fn print(scenario: &str, output: Output) -> Done {
+    let scenario = Scenario::load(scenario).map_err(Failure::input)?;
+    let text = print_scenario(&scenario);
+    if output.is_json() {
+        let values: toml::Value = toml::from_str(&text).map_err(Failure::participant)?;
+        output.document(&values)?;
+    } else {
+        output.result(&text)?;
+    }
+    Ok(ExitCode::SUCCESS)
+}
+
 fn in_processes(args: &CompareArgs, run: &RunOptions, session: &SessionId, output: Output) -> Done {
     let program = std::env::current_exe()
         .map_err(|error| Failure::participant(format!("this program cannot be found: {error}")))?;
     let participants = [Role::Emulated, Role::Native, Role::Golden, Role::Diff]
         .map(|role| participant(args, run, role, &program, session, output));
     let finished = Supervisor::start(session, participants.into())
-        .and_then(Supervisor::wait)
+        .and_then(|supervisor| supervisor.stall_timeout(args.patience.stall_timeout).wait())
         .map_err(ended_early)?;
     let diff = finished
         .into_iter()
@@ -116,9 +135,9 @@ fn in_processes(args: &CompareArgs, run: &RunOptions, session: &SessionId, outpu
     else {
         return Err(Failure::participant("participant 'diff' left no result"));
     };
-    // A closed pipe is the reader's choice, not an error.
+    // Where even errors go nothing can be told of an error.
     let _ = std::io::stderr().write_all(stderr.as_bytes());
-    let _ = std::io::stdout().write_all(&stdout);
+    to_standard_output(&stdout, false)?;
     Ok(ExitCode::from(
         u8::try_from(code).unwrap_or(code::PARTICIPANT),
     ))
@@ -143,6 +162,7 @@ fn participant(
         .arg("--session")
         .arg(session.as_str())
         .arg("--quiet")
+        .args(args.patience.arguments())
         .stdout(Stdio::null());
     match role {
         Role::Native | Role::Golden => {
@@ -206,7 +226,7 @@ fn in_threads(
     session: SessionId,
     output: Output,
 ) -> Done {
-    let collected = collected(setup, &session, plan)?;
+    let collected = collected(setup, &session, plan, args.patience)?;
     let shown = args.session.as_deref().unwrap_or(AUTOMATIC);
     let command = verdict::command_line(&args.run);
     let comparison = judge::comparison(setup, &collected, shown, command)?;
@@ -217,7 +237,7 @@ fn in_threads(
 /// The comparison of a run in this process, for other commands.
 pub(crate) fn comparison(run: &RunOptions) -> Result<cardan_compare::Comparison, Failure> {
     let setup = run.resolve()?;
-    let collected = collected(&setup, &SessionId::fresh(), None)?;
+    let collected = collected(&setup, &SessionId::fresh(), None, PATIENCE)?;
     judge::comparison(&setup, &collected, AUTOMATIC, verdict::command_line(run))
 }
 
@@ -226,6 +246,7 @@ pub(crate) fn collected(
     setup: &Setup,
     session: &SessionId,
     plan: Option<&dump::Plan>,
+    patience: Patience,
 ) -> Result<diff::Collected, Failure> {
     let signals = plan.map(dump::Plan::signals).unwrap_or_default();
     let timed = plan.map(dump::Plan::nodes).unwrap_or_default();
@@ -235,7 +256,7 @@ pub(crate) fn collected(
             session.clone(),
             setup.formats_hash,
             Transport::InProcess,
-            JOIN_TIMEOUT,
+            patience,
         )
     };
     thread::scope(|scope| {

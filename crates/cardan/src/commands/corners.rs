@@ -11,6 +11,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use cardan_link::supervise;
 use cardan_scenario::Scenario;
 use cardan_scenario::corners::{Corners, Variant};
 use clap::Args;
@@ -70,13 +71,13 @@ pub(crate) fn execute(
     let runs = compare_all(&jobs, threads.min(jobs.len()), output)?;
     let report = Report::new(setup, file, run.seed, runs);
     if output.is_json() {
-        output.document(&report);
+        output.document(&report)?;
     }
     if let Some(folder) = folder {
         let file = page::write(&report, folder)?;
         output.note(&format!("report: {}", file.display()));
     }
-    output.result(&report.table(output.style()));
+    output.result(&report.table(output.style()))?;
     Ok(report.exit_code())
 }
 
@@ -209,12 +210,21 @@ fn time_left(elapsed: Duration, done: usize, all: usize) -> String {
 /// emulated program, and a unit in which the design cannot work.
 fn compare(program: &std::path::Path, job: &Job) -> Result<Run, Failure> {
     let name = &job.variant.name;
-    let child = Command::new(program)
+    let failed = |error: std::io::Error| {
+        Failure::participant(format!("`{name}` cannot be started: {error}"))
+    };
+    let mut command = Command::new(program);
+    command
         .args(["compare", "--in-process", "--json", "--quiet"])
         .args(job.run.arguments())
-        .stdin(Stdio::null())
-        .output()
-        .map_err(|error| Failure::participant(format!("`{name}` cannot be started: {error}")))?;
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped());
+    supervise(&mut command);
+    let mut child = command.spawn().map_err(failed)?;
+    // Held open until the child has ended: it ends, too, when this process does.
+    let held = child.stdin.take();
+    let child = child.wait_with_output().map_err(failed)?;
+    drop(held);
     let said = String::from_utf8_lossy(&child.stderr).trim().to_owned();
     let status = child.status.code().and_then(|code| u8::try_from(code).ok());
     let command = verdict::command_line(&job.run);

@@ -37,9 +37,9 @@ pub(crate) fn execute(_arguments: &Arguments, output: Output) -> Done {
         .all(|part| part.is_present() || part.needed_for != Need::Compare);
     let document = Document { ready, parts };
     if output.is_json() {
-        output.document(&document);
+        output.document(&document)?;
     }
-    output.result(&text(&document));
+    output.result(&text(&document))?;
     Ok(ExitCode::from(if ready { code::PASS } else { code::FAIL }))
 }
 

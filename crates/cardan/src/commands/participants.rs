@@ -85,7 +85,7 @@ pub(crate) fn emulate(args: &EmulateArgs, output: Output) -> Done {
         setup.scenario.name, setup.seconds
     ));
     emulated::run(session, &setup, &signals)?;
-    Ok(ExitCode::SUCCESS)
+    completed(Role::Emulated, &args.join, output)
 }
 
 pub(crate) fn native(args: &ModelArgs, output: Output) -> Done {
@@ -93,7 +93,7 @@ pub(crate) fn native(args: &ModelArgs, output: Output) -> Done {
     let session = args.join.join(Role::Native, hash)?;
     output.note(&format!("running {} natively", app.name()));
     native::run(session, app, formats.as_deref())?;
-    Ok(ExitCode::SUCCESS)
+    completed(Role::Native, &args.join, output)
 }
 
 pub(crate) fn golden(args: &ModelArgs, output: Output) -> Done {
@@ -101,10 +101,23 @@ pub(crate) fn golden(args: &ModelArgs, output: Output) -> Done {
     let session = args.join.join(Role::Golden, hash)?;
     output.note(&format!("running {}'s golden model", app.name()));
     golden::run(session, app)?;
+    completed(Role::Golden, &args.join, output)
+}
+
+/// What a participant that judges nothing says at its end.
+fn completed(role: Role, join: &JoinOptions, output: Output) -> Done {
+    if output.is_json() {
+        output.document(&serde_json::json!({
+            "participant": role.to_string(),
+            "session": join.session,
+            "completed": true,
+        }))?;
+    }
     Ok(ExitCode::SUCCESS)
 }
 
 pub(crate) fn diff(args: &DiffArgs, output: Output) -> Done {
+    args.extras.files(&args.run).check()?;
     let setup = args.run.resolve()?;
     let plan = args.extras.dump.plan(setup.app)?;
     let timed = plan.as_ref().map(dump::Plan::nodes).unwrap_or_default();

@@ -11,7 +11,7 @@ use clap::Args;
 use serde::Serialize;
 
 use crate::failure::{Done, Failure};
-use crate::files::write_whole;
+use crate::files::write_into;
 use crate::output::Output;
 use crate::recording;
 use crate::run_options::RunOptions;
@@ -40,6 +40,9 @@ pub(crate) struct Arguments {
     report: Option<PathBuf>,
 }
 
+/// File of the report.
+const PAGE: &str = "ranges.html";
+
 #[derive(Serialize)]
 struct Document<'a> {
     app: &'a str,
@@ -53,7 +56,11 @@ struct Document<'a> {
 
 /// Runs the command.
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
+    let report = arguments.report.as_deref();
+    let plan = arguments.run.inputs().folder("--report", report, &[PAGE]);
+    plan.check()?;
     let setup = arguments.run.resolve()?;
+    setup.announce(output)?;
     output.note("simulating");
     let mut problem = recording::problem(&setup, 1, &arguments.also, &[])?;
     if let Some(formats) = &setup.formats {
@@ -80,7 +87,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
             solutions: found.steps,
             proven,
             nodes: &found.nodes,
-        });
+        })?;
     }
     if let Some(folder) = &arguments.report {
         let title = format!("{}: ranges", setup.app.name());
@@ -90,17 +97,12 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
             output,
         )?;
     }
-    output.result(&table(&found.nodes, proven, output.style()));
+    output.result(&table(&found.nodes, proven, output.style()))?;
     Ok(ExitCode::SUCCESS)
 }
 
 fn write_report(folder: &Path, page: &str, output: Output) -> Result<(), Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        let shown = folder.display();
-        Failure::input(format!("--report {shown}: cannot be made: {error}"))
-    })?;
-    let file = folder.join("ranges.html");
-    write_whole(&file, page)?;
+    let file = write_into("--report", folder, PAGE, page)?;
     output.note(&format!("written: {}", file.display()));
     Ok(())
 }

@@ -3,6 +3,7 @@
 mod desk;
 mod engine;
 mod gdb;
+mod interrupt;
 mod profile;
 mod profile_files;
 mod profile_text;
@@ -14,7 +15,6 @@ mod standard_input;
 mod summary;
 mod waveform;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
@@ -30,6 +30,7 @@ use self::serial::{Choice, Line};
 use self::summary::Summary;
 use self::waveform::Waveform;
 use crate::failure::{Done, Failure, code};
+use crate::files::{self, Plan};
 use crate::output::Output;
 
 /// Slowest clock accepted, in hertz.
@@ -126,6 +127,7 @@ pub(crate) struct Arguments {
 
 /// Runs the command.
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
+    files(arguments).check()?;
     let program = Program::read(&arguments.file, arguments.mcu)?;
     let mut machine = machine(arguments, &program)?;
     let mut desk = Desk::new(connections(arguments)?);
@@ -142,6 +144,9 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     let folder = folder.transpose()?;
     let is_profiling = arguments.profile || folder.is_some();
     let mut profile = is_profiling.then(|| Profile::new(program.symbols(), &machine));
+    if port.is_none() {
+        interrupt::listen();
+    }
     let begin = Instant::now();
     let observers = Observers {
         profile: profile.as_mut(),
@@ -188,7 +193,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         document,
     );
     if output.is_json() {
-        output.document(&summary);
+        output.document(&summary)?;
     }
     for report in summary.reports() {
         output.note(&format!("note: {report}"));
@@ -204,11 +209,30 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         output.note(&profile.to_string());
     }
     output.note(&summary.to_string());
+    interrupt::end_as_asked();
     if is_lost {
         output.error(&"--gdb: the debugger is gone; the run ended where it stood");
         return Ok(ExitCode::from(code::PARTICIPANT));
     }
     Ok(exit_code(&stop, &machine, arguments.program_exit))
+}
+
+/// What is read and written.
+fn files(arguments: &Arguments) -> Plan {
+    let serial = match &arguments.uart {
+        Some(Choice::File(file)) => Some(file.as_path()),
+        _ => None,
+    };
+    Plan::default()
+        .input("FILE", Some(&arguments.file))
+        .input("--stimulus", arguments.stimulus.as_deref())
+        .output("--vcd", arguments.vcd.as_deref())
+        .output("--uart", serial)
+        .folder(
+            "--profile-out",
+            arguments.profile_out.as_deref(),
+            &Folder::FILES,
+        )
 }
 
 /// The chip with the program in it.
@@ -245,9 +269,7 @@ fn waveform(arguments: &Arguments, program: &Program) -> Result<Option<Waveform>
 /// Reads a stimulus file.
 fn stimulus(file: &Path, hz: u64) -> Result<Stimulus, Failure> {
     let name = file.display().to_string();
-    let text = fs::read(file).map_err(|error| {
-        Failure::input(format!("{name}: cannot be read: {error}; check the path"))
-    })?;
+    let text = files::read(file)?;
     Stimulus::parse(&name, &text, hz).map_err(Failure::input)
 }
 
@@ -294,9 +316,10 @@ fn run(
         line.exchange(desk, machine.cycle())?;
         if let Some(waveform) = &mut desk.waveform {
             waveform.take(observers.watch.as_deref_mut());
+            waveform.check()?;
         }
         let is_over = stop != Stop::Limit || machine.cycle() >= limit;
-        if is_over || desk.is_closed {
+        if is_over || desk.is_closed || interrupt::came() {
             return Ok(stop);
         }
     }

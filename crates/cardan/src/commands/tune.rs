@@ -11,7 +11,7 @@ use clap::{Args, ValueEnum};
 use serde::Serialize;
 
 use crate::failure::{Done, Failure, code};
-use crate::files::write_whole;
+use crate::files::{read_text, write_into, write_whole};
 use crate::output::Output;
 use crate::recording;
 use crate::run_options::{RunOptions, Setup};
@@ -125,6 +125,9 @@ enum MethodName {
     Uniform,
 }
 
+/// Files of the report.
+const REPORT: [&str; 3] = ["front.csv", "tune.json", "tune.html"];
+
 #[derive(Serialize)]
 struct Document<'a> {
     app: &'a str,
@@ -139,6 +142,13 @@ struct Document<'a> {
 
 /// Runs the command.
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
+    let files = arguments.run.inputs();
+    files
+        .input("--coefficients", arguments.coefficients.as_deref())
+        .output("--out", arguments.out.as_deref())
+        .output("--journal", arguments.journal.as_deref())
+        .folder("--report", arguments.report.as_deref(), &REPORT)
+        .check()?;
     let setup = arguments.run.resolve()?;
     if setup.formats.is_some() {
         return Err(Failure::input(
@@ -146,6 +156,7 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         ));
     }
     let options = options(arguments, &setup)?;
+    setup.announce(output)?;
     output.note("recording the scenario and those to verify on");
     let given = |names: &[String], default: &str| match names {
         [] => vec![default.to_owned()],
@@ -199,9 +210,9 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         );
     }
     if output.is_json() {
-        output.document(&document);
+        output.document(&document)?;
     }
-    output.result(&table::render(&outcome, output.style()));
+    output.result(&table::render(&outcome, output.style()))?;
     Ok(ExitCode::from(if passes { code::PASS } else { code::FAIL }))
 }
 
@@ -223,12 +234,7 @@ fn options(arguments: &Arguments, setup: &Setup) -> Result<Options, Failure> {
     let coefficients = || -> Result<Box<Coefficients>, Failure> {
         let read = match &arguments.coefficients {
             None => Coefficients::bundled(),
-            Some(file) => {
-                let name = file.display().to_string();
-                std::fs::read_to_string(file)
-                    .map_err(|error| format!("{name}: cannot be read: {error}"))
-                    .and_then(|text| Coefficients::parse(&text, &name))
-            }
+            Some(file) => Coefficients::parse(&read_text(file)?, &file.display().to_string()),
         };
         read.map(Box::new).map_err(Failure::input)
     };
@@ -310,34 +316,24 @@ fn write(
     nodes: &[cardan_datapath::NodeInfo],
     output: Output,
 ) -> Result<(), Failure> {
-    let put = |file: &Path, text: &str| {
-        write_whole(file, text)?;
-        output.note(&format!("written: {}", file.display()));
-        Ok::<_, Failure>(())
-    };
+    let written_to = |file: &Path| output.note(&format!("written: {}", file.display()));
     let command = command_line(arguments);
     if let Some(file) = &arguments.out {
-        put(
-            file,
-            &written::wordlengths(document.outcome, nodes, &command),
-        )?;
+        let text = written::wordlengths(document.outcome, nodes, &command);
+        write_whole("--out", file, text)?;
+        written_to(file);
     }
     if let Some(folder) = &arguments.report {
-        std::fs::create_dir_all(folder).map_err(|error| {
-            let shown = folder.display();
-            Failure::input(format!("--report {shown}: cannot be made: {error}"))
-        })?;
-        put(
-            &folder.join("front.csv"),
-            &written::front_csv(document.outcome),
-        )?;
-        let text = serde_json::to_string_pretty(document).map_err(Failure::participant)?;
-        put(&folder.join("tune.json"), &text)?;
         let title = format!("{}: word lengths", document.app);
-        put(
-            &folder.join("tune.html"),
-            &page(document.outcome, &title, &command),
-        )?;
+        let json = serde_json::to_string_pretty(document).map_err(Failure::participant)?;
+        let texts = [
+            written::front_csv(document.outcome),
+            json,
+            page(document.outcome, &title, &command),
+        ];
+        for (name, text) in REPORT.into_iter().zip(texts) {
+            written_to(&write_into("--report", folder, name, text)?);
+        }
     }
     Ok(())
 }

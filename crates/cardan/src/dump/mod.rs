@@ -145,8 +145,8 @@ impl Plan {
             false => series::table(&self.signals, app, comparison, collected)?,
         };
         match self.kind {
-            Kind::Csv => write_whole(&self.file, table.csv()),
-            Kind::Npy => write_whole(&self.file, table.npy()),
+            Kind::Csv => write_whole("--dump", &self.file, table.csv()),
+            Kind::Npy => write_whole("--dump", &self.file, table.npy()),
         }
     }
 }

@@ -30,21 +30,49 @@ pub(crate) struct JoinOptions {
     /// Session in which the participants meet
     #[arg(long, value_name = "ID")]
     pub(crate) session: String,
-    /// Seconds to wait for the others
-    #[arg(long, value_name = "S", default_value_t = 10.0)]
-    pub(crate) join_timeout: f64,
+    #[command(flatten)]
+    pub(crate) patience: Patience,
+}
+
+/// How long participants wait for each other.
+#[derive(Args, Clone, Copy, Debug)]
+pub(crate) struct Patience {
+    /// Seconds to wait for the others to join
+    #[arg(long, value_name = "S", default_value = "10", value_parser = seconds,
+        allow_negative_numbers = true)]
+    pub(crate) join_timeout: Duration,
+    /// Seconds that a participant may be stopped (SIGSTOP, Ctrl-Z) before the run ends with its name
+    #[arg(long, value_name = "S", default_value = "30", value_parser = seconds,
+        allow_negative_numbers = true)]
+    pub(crate) stall_timeout: Duration,
+}
+
+impl Patience {
+    /// The same as arguments for a child process.
+    pub(crate) fn arguments(self) -> [String; 4] {
+        let text = |time: Duration| time.as_secs_f64().to_string();
+        [
+            "--join-timeout".to_owned(),
+            text(self.join_timeout),
+            "--stall-timeout".to_owned(),
+            text(self.stall_timeout),
+        ]
+    }
+}
+
+fn seconds(text: &str) -> Result<Duration, String> {
+    let time = text.parse().ok().map(Duration::try_from_secs_f64);
+    match time {
+        Some(Ok(time)) => Ok(time),
+        _ => Err("expected seconds, at least 0".to_owned()),
+    }
 }
 
 impl JoinOptions {
     pub(crate) fn join(&self, role: Role, formats_hash: u64) -> Result<Session, Failure> {
-        let timeout = Duration::try_from_secs_f64(self.join_timeout).map_err(|_| {
-            let given = self.join_timeout;
-            Failure::input(format!(
-                "--join-timeout {given}: expected seconds, at least 0"
-            ))
-        })?;
         let session: SessionId = self.session.parse().map_err(Failure::input)?;
-        join(role, session, formats_hash, Transport::Processes, timeout)
+        let transport = Transport::Processes;
+        join(role, session, formats_hash, transport, self.patience)
     }
 }
 
@@ -53,12 +81,13 @@ pub(crate) fn join(
     session: SessionId,
     format_hash: u64,
     transport: Transport,
-    join_timeout: Duration,
+    patience: Patience,
 ) -> Result<Session, Failure> {
     let options = Options {
         transport,
         format_hash,
-        join_timeout,
+        join_timeout: patience.join_timeout,
+        stall_timeout: patience.stall_timeout,
         ..Options::new(role, session)
     };
     Session::join(options).map_err(lost)

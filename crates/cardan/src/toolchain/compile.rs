@@ -16,8 +16,9 @@ use cardan_spec::taps;
 use super::find::Compiler;
 use super::metadata::{self, Metadata};
 use super::record::hex_digest;
-use super::{Board, Built, Runs, sources, unusable};
+use super::{Board, Built, Runs, kept, sources, unusable};
 use crate::failure::Failure;
+use crate::files::write_whole;
 
 /// The wrapper script.
 const WRAPPER: &str = include_str!("stable-metadata.sh");
@@ -62,12 +63,14 @@ pub(super) fn image(
     let key = [sources.clone(), compiler.versions.to_string(), text.clone()];
     let key = hex_digest(key.join("\n").as_bytes());
     let kept = images.join(format!("{variant}-{}.elf", &key[..32]));
-    if let Ok(elf) = fs::read(&kept) {
+    if let Some(elf) = kept::read(&kept) {
         return Ok(Built { elf, file: kept });
     }
     let formats = images.join(format!("{}.toml", &key[..32]));
-    fs::write(&formats, text).map_err(|error| unusable(&formats, "cannot be written", &error))?;
-    build.run(is_tapped, Some(&formats), &kept)
+    write_whole("formats", &formats, text)?;
+    let built = build.run(is_tapped, Some(&formats), &kept)?;
+    kept::seal(&kept, &built.elf)?;
+    Ok(built)
 }
 
 /// Builds the board's on-target tests and runs them in the emulator, which is this program. Their
@@ -198,13 +201,17 @@ impl Build<'_> {
         let executable = metadata::executable(&messages).ok_or_else(|| {
             Failure::input(format!("cargo built no executable for {}", self.board.name))
         })?;
+        let stripped = executable.with_extension("stripped");
         match self.board.runs_in {
-            Runs::Emulator => strip(&executable, file)?,
+            Runs::Emulator => strip(&executable, &stripped)?,
             // Its profile leaves no debug information.
-            Runs::Qemu => copy(&executable, file)?,
+            Runs::Qemu => copy(&executable, &stripped)?,
         }
+        let elf =
+            fs::read(&stripped).map_err(|error| unusable(&stripped, "cannot be read", &error))?;
+        // Others may be reading the image that is there.
+        write_whole("image", file, &elf)?;
         drop(lock);
-        let elf = fs::read(file).map_err(|error| unusable(file, "cannot be read", &error))?;
         Ok(Built {
             elf,
             file: file.to_owned(),
@@ -275,7 +282,7 @@ impl Build<'_> {
         let file = self.folder.join("images/stable-metadata.sh");
         let failed = |error| unusable(&file, "cannot be written", &error);
         if fs::read(&file).ok().as_deref() != Some(WRAPPER.as_bytes()) {
-            fs::write(&file, WRAPPER).map_err(failed)?;
+            write_whole("wrapper", &file, WRAPPER)?;
         }
         fs::set_permissions(&file, fs::Permissions::from_mode(0o755)).map_err(failed)?;
         Ok(file)

@@ -5,6 +5,7 @@ mod compile;
 mod digest;
 mod elf;
 mod find;
+mod kept;
 mod metadata;
 mod probe;
 mod record;

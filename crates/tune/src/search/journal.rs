@@ -1,14 +1,24 @@
 //! What an interrupted search had evaluated, so that it goes on from there: a file of one JSON line
 //! per evaluation, only ever appended to.
+//!
+//! Each line has a check sum over the search and itself. Wherever a journal was cut, or pieces of
+//! journals were put together, the lines that are whole and of this search count; the others are
+//! evaluated again.
 
 use std::collections::HashMap;
-use std::fs::{File, OpenOptions};
+use std::fs::{File, OpenOptions, TryLockError};
 use std::io::{Read, Write};
 use std::path::Path;
 
 use serde::{Deserialize, Serialize};
 
 use crate::space::Levels;
+
+/// Largest journal that is read, in bytes.
+const MOST_BYTES: u64 = 4 << 30;
+
+/// The check sum of lines.
+const SUMS: crc::Crc<u64> = crc::Crc::<u64>::new(&crc::CRC_64_XZ);
 
 /// Why a journal was refused; nothing was written.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
@@ -29,16 +39,6 @@ pub enum JournalError {
         /// The file.
         file: String,
     },
-    /// A record in the middle is damaged.
-    #[error("{file}, line {line}: damaged record: {what}; remove the file to start again")]
-    Damaged {
-        /// The file.
-        file: String,
-        /// Line number from 1.
-        line: usize,
-        /// What is wrong.
-        what: String,
-    },
 }
 
 #[derive(Serialize, Deserialize)]
@@ -54,13 +54,41 @@ struct Record {
     problem: u64,
     levels: Levels,
     values: Vec<u64>,
+    /// Of search and all of the record.
+    sum: u64,
 }
 
-const VERSION: u32 = 3;
+impl Record {
+    fn new(search: &str, problem: u64, levels: &Levels, values: &[f64]) -> Self {
+        let mut record = Self {
+            problem,
+            levels: levels.clone(),
+            values: values.iter().map(|value| value.to_bits()).collect(),
+            sum: 0,
+        };
+        record.sum = record.proper_sum(search);
+        record
+    }
+
+    fn proper_sum(&self, search: &str) -> u64 {
+        let mut digest = SUMS.digest();
+        digest.update(search.as_bytes());
+        // What can be written as JSON at all is written the same each time.
+        let content = serde_json::to_vec(&(self.problem, &self.levels, &self.values));
+        let content = content.unwrap_or_default();
+        digest.update(&content);
+        digest.finalize()
+    }
+}
+
+const VERSION: u32 = 4;
 
 /// An open journal.
 pub(crate) struct Journal {
     file: File,
+    search: String,
+    /// Its first line is there, wherever.
+    has_header: bool,
     known: HashMap<(u64, Levels), Vec<f64>>,
     on: u64,
     problem: Option<String>,
@@ -75,68 +103,103 @@ impl Journal {
             file: name.clone(),
             what: error.to_string(),
         };
-        let mut file = OpenOptions::new()
+        let refused = |what: &str| JournalError::File {
+            file: name.clone(),
+            what: what.to_owned(),
+        };
+        if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
+            return Err(refused("it is no regular file"));
+        }
+        let file = OpenOptions::new()
             .read(true)
             .append(true)
             .create(true)
             .open(path)
             .map_err(failed)?;
-        let mut text = String::new();
-        file.read_to_string(&mut text).map_err(failed)?;
+        match file.try_lock() {
+            Ok(()) => {}
+            Err(TryLockError::WouldBlock) => {
+                return Err(refused("another search is writing it; give another file"));
+            }
+            Err(TryLockError::Error(error)) => return Err(failed(error)),
+        }
+        let mut bytes = Vec::new();
+        let mut bounded = (&file).take(MOST_BYTES + 1);
+        bounded.read_to_end(&mut bytes).map_err(failed)?;
+        if bytes.len() as u64 > MOST_BYTES {
+            return Err(refused("it is larger than 4 GiB"));
+        }
         let mut journal = Self {
             file,
+            search: search.to_owned(),
+            has_header: false,
             known: HashMap::new(),
             on: 0,
             problem: None,
         };
-        if text.is_empty() {
-            let header = Header {
-                cardan_journal: VERSION,
-                search: search.to_owned(),
-            };
-            journal.line(&header);
+        let header = journal.header();
+        if header.as_bytes().starts_with(&bytes) && bytes.len() < header.len() {
+            // Empty, or cut off in its first line.
+            journal.file.set_len(0).map_err(failed)?;
+            journal.write(header.as_bytes());
             return Ok((journal, None));
         }
-        let note = journal.read(&text, search, &name)?;
-        if note.is_some() {
+        let note = journal.read(&bytes, &name)?;
+        if bytes.last() != Some(&b'\n') {
             // What follows must begin on a line of its own.
-            let whole = text.rfind('\n').map_or(0, |at| at + 1);
-            journal.file.set_len(whole as u64).map_err(failed)?;
+            journal.write(b"\n");
+        }
+        if !journal.has_header {
+            let header = journal.header();
+            journal.write(header.as_bytes());
         }
         Ok((journal, note))
     }
 
-    fn read(
-        &mut self,
-        text: &str,
-        search: &str,
-        name: &str,
-    ) -> Result<Option<String>, JournalError> {
-        let mut lines = text.split_inclusive('\n').enumerate();
-        let header = lines.next().map_or("", |(_, line)| line);
-        let is_own = serde_json::from_str::<Header>(header)
-            .is_ok_and(|header| header.cardan_journal == VERSION && header.search == search);
-        if !is_own {
+    /// The first line.
+    fn header(&self) -> String {
+        let header = Header {
+            cardan_journal: VERSION,
+            search: self.search.clone(),
+        };
+        // A number and a text can always be written.
+        serde_json::to_string(&header).unwrap_or_default() + "\n"
+    }
+
+    /// Takes all lines that are whole and of this search.
+    fn read(&mut self, bytes: &[u8], name: &str) -> Result<Option<String>, JournalError> {
+        let mut damaged = 0;
+        for line in bytes.split(|&byte| byte == b'\n') {
+            if line.is_empty() {
+                continue;
+            }
+            if let Ok(header) = serde_json::from_slice::<Header>(line) {
+                self.has_header |= header.cardan_journal == VERSION && header.search == self.search;
+                continue;
+            }
+            match serde_json::from_slice::<Record>(line) {
+                Ok(record) if record.sum == record.proper_sum(&self.search) => {
+                    let values = record.values.into_iter().map(f64::from_bits).collect();
+                    self.known.insert((record.problem, record.levels), values);
+                }
+                _ => damaged += 1,
+            }
+        }
+        if !self.has_header && self.known.is_empty() {
             return Err(JournalError::Foreign {
                 file: name.to_owned(),
             });
         }
-        for (at, line) in lines {
-            if !line.ends_with('\n') {
-                return Ok(Some(format!(
-                    "{name}: the last record was cut off; it is evaluated again"
-                )));
-            }
-            let record: Record =
-                serde_json::from_str(line).map_err(|error| JournalError::Damaged {
-                    file: name.to_owned(),
-                    line: at + 1,
-                    what: error.to_string(),
-                })?;
-            let values = record.values.into_iter().map(f64::from_bits).collect();
-            self.known.insert((record.problem, record.levels), values);
-        }
-        Ok(None)
+        Ok((damaged > 0).then(|| {
+            format!(
+                "{name}: {damaged} {} damaged, cut off or of another search, evaluated again",
+                if damaged == 1 {
+                    "record is"
+                } else {
+                    "records are"
+                }
+            )
+        }))
     }
 
     /// The values of a choice that the interrupted search evaluated.
@@ -151,19 +214,20 @@ impl Journal {
 
     /// Adds an evaluation.
     pub(crate) fn append(&mut self, levels: &Levels, values: &[f64]) {
-        let record = Record {
-            problem: self.on,
-            levels: levels.clone(),
-            values: values.iter().map(|value| value.to_bits()).collect(),
-        };
-        self.line(&record);
+        self.line(&Record::new(&self.search, self.on, levels, values));
     }
 
     fn line(&mut self, value: &impl Serialize) {
-        let written = serde_json::to_string(value)
-            .map_err(std::io::Error::from)
-            .and_then(|text| self.file.write_all(format!("{text}\n").as_bytes()));
-        if let Err(error) = written {
+        match serde_json::to_string(value) {
+            Ok(text) => self.write(format!("{text}\n").as_bytes()),
+            Err(error) => {
+                self.problem.get_or_insert(error.to_string());
+            }
+        }
+    }
+
+    fn write(&mut self, bytes: &[u8]) {
+        if let Err(error) = self.file.write_all(bytes) {
             self.problem.get_or_insert(error.to_string());
         }
     }

@@ -14,6 +14,9 @@ use crate::files::write_whole;
 pub(super) struct Folder(PathBuf);
 
 impl Folder {
+    /// What may be written into it.
+    pub(super) const FILES: [&str; 4] = ["profile.json", "folded.txt", "listing.txt", "lcov.info"];
+
     /// Makes the folder if it is not there: before a long run, and not after it.
     pub(super) fn create(path: &Path) -> Result<Self, Failure> {
         fs::create_dir_all(path).map_err(|error| failure(path, &error))?;
@@ -40,7 +43,7 @@ impl Folder {
     }
 
     fn file(&self, name: &str, content: &str) -> Result<(), Failure> {
-        write_whole(&self.0.join(name), content)
+        write_whole("--profile-out", &self.0.join(name), content)
     }
 }
 

@@ -1,13 +1,13 @@
 //! The program under test: its image, and the names of its places.
 
 use std::cell::OnceCell;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use cardan_emulator::{Device, Image, Machine, ProfileReport, Symbols};
 
 use super::profile::Document;
 use crate::failure::Failure;
+use crate::files;
 
 /// A program's file.
 pub(super) struct Program {
@@ -22,11 +22,7 @@ pub(super) struct Program {
 impl Program {
     /// Reads `file`, an ELF file or Intel HEX text.
     pub(super) fn read(file: &Path, device: &Device) -> Result<Self, Failure> {
-        let bytes = fs::read(file).map_err(|error| {
-            let what = "cannot be read";
-            let mend = "check the path and its permissions";
-            Failure::input(format!("{}: {what}: {error}; {mend}", file.display()))
-        })?;
+        let bytes = files::read(file)?;
         let name = file.display().to_string();
         let image = Image::parse(&name, &bytes, device).map_err(Failure::input)?;
         Ok(Self {

@@ -3,7 +3,6 @@
 //! The unit is 1 ps, and each change is rounded once, from its cycle to that unit: at most half a
 //! picosecond off, at every clock.
 
-use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 
@@ -12,6 +11,7 @@ use vcd::{IdCode, SimulationCommand, TimescaleUnit, Value, VarType, Writer};
 
 use super::signals::{SCOPES, Signal, Source};
 use crate::failure::Failure;
+use crate::files::{Whole, unwritten};
 
 /// Picoseconds per second.
 const PER_SECOND: u128 = 1_000_000_000_000;
@@ -23,7 +23,7 @@ const KEPT: usize = 4096;
 /// A dump being written. Changes are put in order first: a pin's edge is known when the machine
 /// carries out its event, which may be an instruction after a store that comes later.
 pub(super) struct Waveform {
-    writer: Writer<BufWriter<File>>,
+    writer: Writer<BufWriter<Whole>>,
     name: PathBuf,
     signals: Vec<(Signal, IdCode)>,
     /// Signal of each pin, of each analog input, and of each watched value.
@@ -69,7 +69,7 @@ impl Clock {
 impl Waveform {
     /// Creates `file`; the clock begins at `hz`.
     pub(super) fn create(file: &Path, hz: u64, signals: Vec<Signal>) -> Result<Self, Failure> {
-        let created = File::create(file).map_err(|error| failure(file, &error))?;
+        let created = Whole::create(file).map_err(|error| failure(file, &error))?;
         let mut writer = Writer::new(BufWriter::new(created));
         let signals = header(&mut writer, signals).map_err(|error| failure(file, &error))?;
         let mut waveform = Self {
@@ -237,20 +237,26 @@ impl Waveform {
     pub(super) fn finish(mut self, cycle: u64, watch: Option<&mut Watch>) -> Result<(), Failure> {
         self.take(watch);
         let end = self.clock.at(cycle).max(self.now);
-        let written = match self.error.take() {
-            Some(error) => Err(error),
-            None => self
-                .writer
-                .timestamp(end)
-                .and_then(|()| self.writer.flush()),
-        };
-        written.map_err(|error| failure(&self.name, &error))
+        self.check()?;
+        let ended = self.writer.timestamp(end);
+        ended
+            .and_then(|()| self.writer.flush())
+            .and_then(|()| self.writer.writer().get_mut().commit())
+            .map_err(|error| failure(&self.name, &error))
+    }
+
+    /// Fails once something could not be written: the run need not go on then.
+    pub(super) fn check(&mut self) -> Result<(), Failure> {
+        match self.error.take() {
+            Some(error) => Err(failure(&self.name, &error)),
+            None => Ok(()),
+        }
     }
 }
 
 /// Declares the signals, scope by scope.
 fn header(
-    writer: &mut Writer<BufWriter<File>>,
+    writer: &mut Writer<BufWriter<Whole>>,
     signals: Vec<Signal>,
 ) -> io::Result<Vec<(Signal, IdCode)>> {
     writer.comment(
@@ -285,9 +291,5 @@ fn header(
 }
 
 fn failure(file: &Path, error: &io::Error) -> Failure {
-    let what = "cannot be written";
-    Failure::input(format!(
-        "--vcd {}: {what}: {error}; check the folder",
-        file.display()
-    ))
+    unwritten("--vcd", file, error)
 }

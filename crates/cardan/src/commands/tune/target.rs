@@ -9,7 +9,7 @@ use cardan_tune::{OnTarget, TuneError};
 
 use crate::commands::build::measure::measure;
 use crate::failure::Failure;
-use crate::files::write_whole;
+use crate::files::{read, write_whole};
 use crate::output::Output;
 use crate::run_options::RunOptions;
 use crate::toolchain::{self, BOARDS};
@@ -56,9 +56,8 @@ fn refused(message: &str) -> TuneError {
 pub(super) fn apply(run: &RunOptions, text: &str, output: Output) -> Result<Report, Failure> {
     let file: PathBuf = toolchain::workspace()?.join("firmware/wordlengths.toml");
     let shown = file.display().to_string();
-    let before = std::fs::read(&file)
-        .map_err(|error| Failure::input(format!("{shown}: cannot be read: {error}")))?;
-    write_whole(&file, text)?;
+    let before = read(&file)?;
+    write_whole("--apply", &file, text)?;
     output.note(&format!("written: {shown}; building and comparing"));
     let run = RunOptions {
         wordlengths: Some(file.clone()),
@@ -67,7 +66,7 @@ pub(super) fn apply(run: &RunOptions, text: &str, output: Output) -> Result<Repo
     match crate::commands::compare::comparison(&run) {
         Ok(comparison) => Ok(compare(&comparison)),
         Err(failure) => {
-            write_whole(&file, before)?;
+            write_whole("--apply", &file, before)?;
             output.note(&format!("{shown}: restored"));
             Err(failure)
         }
