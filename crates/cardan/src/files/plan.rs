@@ -110,7 +110,7 @@ fn check_file(file: &Path) -> Result<(), String> {
     let shown = folder.display();
     if !folder.exists() {
         return Err(format!(
-            "its folder {shown} is not there; make it: mkdir -p {shown}"
+            "cannot be written: its folder {shown} is not there; make it: mkdir -p {shown}"
         ));
     }
     if !folder.is_dir() {

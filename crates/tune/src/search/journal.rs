@@ -147,7 +147,13 @@ impl Journal {
         let note = journal.read(&bytes, &name)?;
         if bytes.last() != Some(&b'\n') {
             // What follows must begin on a line of its own.
-            journal.write(b"\n");
+            let whole = bytes.iter().rposition(|&byte| byte == b'\n');
+            let whole = whole.map_or(0, |at| at + 1);
+            if journal.record(&bytes[whole..]).is_some() {
+                journal.write(b"\n");
+            } else {
+                journal.file.set_len(whole as u64).map_err(failed)?;
+            }
         }
         if !journal.has_header {
             let header = journal.header();
@@ -166,6 +172,12 @@ impl Journal {
         serde_json::to_string(&header).unwrap_or_default() + "\n"
     }
 
+    /// The record of a line that is whole and of this search.
+    fn record(&self, line: &[u8]) -> Option<Record> {
+        let record = serde_json::from_slice::<Record>(line).ok()?;
+        (record.sum == record.proper_sum(&self.search)).then_some(record)
+    }
+
     /// Takes all lines that are whole and of this search.
     fn read(&mut self, bytes: &[u8], name: &str) -> Result<Option<String>, JournalError> {
         let mut damaged = 0;
@@ -177,12 +189,12 @@ impl Journal {
                 self.has_header |= header.cardan_journal == VERSION && header.search == self.search;
                 continue;
             }
-            match serde_json::from_slice::<Record>(line) {
-                Ok(record) if record.sum == record.proper_sum(&self.search) => {
+            match self.record(line) {
+                Some(record) => {
                     let values = record.values.into_iter().map(f64::from_bits).collect();
                     self.known.insert((record.problem, record.levels), values);
                 }
-                _ => damaged += 1,
+                None => damaged += 1,
             }
         }
         if !self.has_header && self.known.is_empty() {
