@@ -230,7 +230,13 @@ fn a_verified_result_holds_on_runs_that_nothing_saw() {
 #[test]
 fn a_run_on_which_a_result_does_not_hold_is_tuned_on() {
     let problem = problem(300);
-    let rare = |seed: u64| if seed >= 20 && seed.is_multiple_of(10) { 9 } else { 4 };
+    let rare = |seed: u64| {
+        if seed >= 20 && seed.is_multiple_of(10) {
+            9
+        } else {
+            4
+        }
+    };
     let source = |seeds| fresh(&problem, seeds, rare);
     let found = tune_with(
         &problem,

@@ -16,7 +16,6 @@ use crate::verdict::Verdict;
 /// File name of the page in the report's folder.
 pub const FILE: &str = "report.html";
 
-
 /// The page as text. `comparison` is the one that `report` was made from; it gives the curves.
 #[must_use]
 pub fn page(report: &Report, comparison: &Comparison) -> String {
