@@ -139,7 +139,7 @@ fn usage(error: &clap::Error) -> ExitCode {
     let text = error.render();
     let written = if is_json {
         output.document(&serde_json::json!({ "help": text.to_string() }))
-    } else if output.has_colour() {
+    } else if output.style().color {
         output.result(&text.ansi().to_string())
     } else {
         output.result(&text.to_string())

@@ -31,11 +31,11 @@ pub(crate) struct Extras {
 impl Extras {
     /// The same with everything that `run` reads, for a check before the work.
     pub(crate) fn files(&self, run: &RunOptions) -> Plan {
-        run.inputs().output("--dump", self.dump.file()).folder(
-            "--report",
-            self.report.as_deref(),
-            &[html::FILE],
-        )
+        run.inputs()
+            .input("--baseline", self.ci.baseline())
+            .output("--junit", self.ci.junit())
+            .output("--dump", self.dump.file())
+            .folder("--report", self.report.as_deref(), &[html::FILE])
     }
 }
 

@@ -51,6 +51,16 @@ impl CiOptions {
         }
     }
 
+    /// The file of results as JUnit XML.
+    pub(crate) fn junit(&self) -> Option<&Path> {
+        self.junit.as_deref()
+    }
+
+    /// The document to be compared with.
+    pub(crate) fn baseline(&self) -> Option<&Path> {
+        self.baseline.as_deref()
+    }
+
     /// The options as arguments for a child process.
     pub(crate) fn arguments(&self) -> Vec<std::ffi::OsString> {
         let mut arguments: Vec<std::ffi::OsString> = Vec::new();
@@ -80,7 +90,7 @@ impl CiOptions {
     /// Writes what else is asked for.
     pub(crate) fn write(&self, report: &Report, output: Output) -> Result<(), Failure> {
         if let Some(file) = &self.junit {
-            write_whole(file, junit::document(report))?;
+            write_whole("--junit", file, junit::document(report))?;
             output.note(&format!("junit: {}", shown(file)));
         }
         if self.annotations || std::env::var("GITHUB_ACTIONS").as_deref() == Ok("true") {

@@ -16,7 +16,7 @@ use cardan_spec::ThirdTilt;
 use serde::Serialize;
 
 use crate::failure::{Done, Failure};
-use crate::files::write_whole;
+use crate::files::write_into;
 use crate::judge::{inputs_of, operations_of};
 use crate::output::Output;
 use crate::run_options::RunOptions;
@@ -69,13 +69,13 @@ pub(crate) fn execute(node: &str, run: &RunOptions, output: Output) -> Done {
         .collect();
     if output.is_json() {
         match explained.as_slice() {
-            [one] => output.document(one),
-            all => output.document(&all),
+            [one] => output.document(one)?,
+            all => output.document(&all)?,
         }
     }
     let style = output.style();
     let texts: Vec<String> = explained.iter().map(|node| text(node, style)).collect();
-    output.result(&texts.join("\n"));
+    output.result(&texts.join("\n"))?;
     Ok(ExitCode::SUCCESS)
 }
 
@@ -236,8 +236,18 @@ fn text(node: &Explained, style: Style) -> String {
 /// Writes `nodes.md` and `nodes.svg`: every node as a table, and the data flow as a drawing.
 pub(crate) fn write_documents(folder: &Path, run: &RunOptions, output: Output) -> Done {
     let (app, nodes, flows) = prepared(run)?;
-    write_whole(&folder.join("nodes.md"), markdown(app, &nodes, &flows))?;
-    write_whole(&folder.join("nodes.svg"), drawing(app, &nodes, &flows.own))?;
+    write_into(
+        "--explain-docs",
+        folder,
+        "nodes.md",
+        markdown(app, &nodes, &flows),
+    )?;
+    write_into(
+        "--explain-docs",
+        folder,
+        "nodes.svg",
+        drawing(app, &nodes, &flows.own),
+    )?;
     output.note(&format!("written: {}", folder.display()));
     Ok(ExitCode::SUCCESS)
 }

@@ -9,7 +9,7 @@ use clap_complete::Shell;
 use clap_mangen::Man;
 
 use crate::failure::{Done, Failure};
-use crate::files::write_whole;
+use crate::files::{make_folder, write_whole};
 use crate::output::Output;
 
 /// Prints the completions of `shell`.
@@ -24,12 +24,7 @@ pub(crate) fn man(folder: Option<&Path>, mut cli: Command, output: Output) -> Do
     let Some(folder) = folder else {
         return print(&page(cli)?);
     };
-    std::fs::create_dir_all(folder).map_err(|error| {
-        Failure::input(format!(
-            "--out {}: cannot be made: {error}",
-            folder.display()
-        ))
-    })?;
+    make_folder("--out", folder)?;
     cli.build();
     for verb in cli
         .get_subcommands()
@@ -37,9 +32,9 @@ pub(crate) fn man(folder: Option<&Path>, mut cli: Command, output: Output) -> Do
     {
         let name = format!("cardan-{}", verb.get_name());
         let verb = verb.clone().display_name(name.clone());
-        write_whole(&folder.join(format!("{name}.1")), page(verb)?)?;
+        write_whole("--out", &folder.join(format!("{name}.1")), page(verb)?)?;
     }
-    write_whole(&folder.join("cardan.1"), page(cli)?)?;
+    write_whole("--out", &folder.join("cardan.1"), page(cli)?)?;
     output.note(&format!("written: {}", folder.display()));
     Ok(ExitCode::SUCCESS)
 }

@@ -9,22 +9,16 @@ use maud::{Markup, html};
 
 use super::report::{Report, Run};
 use crate::failure::Failure;
-use crate::files::write_whole;
+use crate::files::write_into;
 
 /// Units that have a row of their own.
 const MOST_UNITS: usize = 40;
+/// The page in its folder.
+pub(super) const FILE: &str = "corners.html";
 
 /// Writes the page into `folder` and returns its path.
 pub(super) fn write(report: &Report, folder: &Path) -> Result<PathBuf, Failure> {
-    std::fs::create_dir_all(folder).map_err(|error| {
-        Failure::input(format!(
-            "--report {}: cannot be made: {error}",
-            folder.display()
-        ))
-    })?;
-    let file = folder.join("corners.html");
-    write_whole(&file, page(report))?;
-    Ok(file)
+    write_into("--report", folder, FILE, page(report))
 }
 
 fn page(report: &Report) -> String {
