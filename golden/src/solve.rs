@@ -26,15 +26,6 @@ pub enum Third {
 }
 
 impl Third {
-    /// Whether gravity along body z is negative.
-    #[must_use]
-    pub fn is_upside_down(self) -> bool {
-        match self {
-            Self::Sign { upside_down } => upside_down,
-            Self::Measured(t3) => t3 < 0.0,
-        }
-    }
-
     /// As the node `tilt_z` holds it: the reading, or the sign of gravity along body z.
     #[must_use]
     pub fn t3(self) -> f64 {

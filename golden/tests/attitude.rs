@@ -212,3 +212,17 @@ fn set_2_is_expressed_in_set_1_before_it_is_averaged() {
     assert!((HalfTurns(nodes[node::YAW_2]).degrees() - 40.0).abs() < 1e-9);
     assert!((own.yaw.degrees() - 40.0).abs() > 10.0);
 }
+
+/// Pitch of 90 degrees: yaw and roll turn about one axis, and all of the turn is yaw.
+#[test]
+fn at_a_pitch_of_ninety_degrees_all_of_the_turn_is_yaw() {
+    for (yaw, pitch) in [(30.0, 90.0), (-135.0, 90.0), (30.0, -90.0), (-135.0, -90.0)] {
+        let turned = set_1_matrix(angles(yaw, pitch, 0.0));
+        // The cosine of a rounded right angle is no zero.
+        let exact = turned.map(|element| if element.abs() < 1e-12 { 0.0 } else { element });
+        let found = angles_of(&exact);
+        assert_eq!(found.roll.degrees(), 0.0);
+        assert!((found.pitch.degrees() - pitch).abs() < 1e-9);
+        assert!((found.yaw.degrees() - yaw).abs() < 1e-9, "{yaw}, {pitch}");
+    }
+}

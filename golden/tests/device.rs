@@ -131,6 +131,32 @@ fn exact_codes_give_the_attitude_back() {
     }
 }
 
+/// Upside down from the first solution: four readings read that as upright, a comparator does not.
+#[test]
+fn what_a_third_axis_at_the_comparator_tells_holds_for_every_solution() {
+    let truth = set_1_matrix(Angles {
+        yaw: HalfTurns::from_degrees(20.0),
+        pitch: HalfTurns::from_degrees(10.0),
+        roll: HalfTurns::from_degrees(-170.0),
+    });
+    let codes = codes_of(&ideal_readings(&truth, EARTH), &calibration()).unwrap();
+    let error = |told: Option<bool>| {
+        let mut golden = Golden::new(&calibration());
+        golden.third_tilt(told);
+        let conversions = (0..(WARM_UP_BLOCKS + 2) * BLOCK_CONVERSIONS).map(|at| at % 4);
+        let solved: Vec<Solution> = conversions
+            .filter_map(|at| golden.convert(Channel::ALL[at], codes[at], false, &mut |_, _| {}))
+            .collect();
+        let errors = solved.iter().map(|solution| {
+            assert_eq!(solution.flags & flags::HALF_SPACE, 0);
+            rotation_angle(&solution.attitude, &truth).degrees()
+        });
+        errors.fold(0.0, f64::max)
+    };
+    assert!(error(Some(true)) < 1e-9);
+    assert!(error(None) > 90.0);
+}
+
 #[test]
 fn one_clipped_conversion_flags_its_own_solution_and_no_other() {
     let first = WARM_UP_BLOCKS * BLOCK_CONVERSIONS;

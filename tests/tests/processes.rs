@@ -44,7 +44,11 @@ fn await_children(parent: u32, count: usize) -> Vec<(u32, String)> {
     let begin = Instant::now();
     loop {
         let found = children(parent);
-        if found.len() >= count && found.iter().all(|(_, verb)| !verb.is_empty()) {
+        // Until a child runs its own program it shows its parent's command line.
+        let own = |pid: u32| fs::read(format!("/proc/{pid}/cmdline")).unwrap_or_default();
+        let is_running_its_own =
+            |(pid, verb): &(u32, String)| !verb.is_empty() && own(*pid) != own(parent);
+        if found.len() >= count && found.iter().all(is_running_its_own) {
             return found;
         }
         assert!(begin.elapsed() < Duration::from_secs(60), "{found:?}");
