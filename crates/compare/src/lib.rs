@@ -2,7 +2,7 @@
 //!
 //! A pure library: plain data in ([`Comparison`]), a [`Report`] out, from which come the document of
 //! `compare --json` (by serde), a table for people ([`table::render`]) and a self-contained page
-//! ([`html::write`], the only function here that touches a file). It knows neither the transport nor
+//! ([`html::page`]). It touches no file and knows neither the transport nor
 //! the firmware's inside.
 //!
 //! # Filling a [`Comparison`]
