@@ -346,7 +346,7 @@ fn check_nodes(scenario: &Scenario, app: &dyn App) -> Result<(), Failure> {
     )))
 }
 
-/// How fast a comparison runs against the simulated time, roughly (ARCHITECTURE.md, "Measured").
+/// How fast a comparison runs against the simulated time, roughly (docs/measured.md).
 const SPEED: f64 = 20.0;
 /// Memory that a comparison takes per simulated second, in bytes, over all its processes.
 const MEMORY_PER_SECOND: f64 = 4.0 * 1.6e9 / 3600.0;

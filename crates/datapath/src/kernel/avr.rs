@@ -1,6 +1,6 @@
 //! The kernels in assembly for AVR with a multiplier: LLVM's 32-bit products, quotients and roots
 //! take 2 to 7 times as many cycles there, and they are most of a solution (figures:
-//! `ARCHITECTURE.md`). What they compute is defined by, and tested against, `portable.rs`.
+//! `docs/design/board.md`). What they compute is defined by, and tested against, `portable.rs`.
 //!
 //! What is called has arguments and results where the C calling convention has them (r25:r24 and
 //! r23:r22, 32 bits in r25:r22), so that a call moves nothing; products are inlined and keep their
