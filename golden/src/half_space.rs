@@ -5,6 +5,7 @@
 
 use cardan_spec::{FIELD_RESIDUAL_LIMIT, HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM};
 
+use crate::orders::down_square;
 use crate::rotation::{EarthField, Readings};
 use crate::solve::Third;
 
@@ -13,20 +14,20 @@ use crate::solve::Third;
 pub struct Vertical {
     /// q = v - b1 t1 - b2 t2 = d3 b3.
     pub dip_product: f64,
-    /// d3^2 = 1 - t1^2 - t2^2.
+    /// d3^2, which is 1 - t1^2 - t2^2 where no third axis measures it.
     pub down_square: f64,
     /// b3^2 = 1 - b1^2 - b2^2.
     pub field_square: f64,
 }
 
 impl Vertical {
-    /// From readings; noise may make the squares negative.
+    /// From readings of two tilt axes; noise may make the squares negative.
     #[must_use]
     pub fn of(readings: &Readings, earth: EarthField) -> Self {
         let ([t1, t2], [b1, b2]) = (readings.tilt, readings.field);
         Self {
             dip_product: earth.vertical - b1 * t1 - b2 * t2,
-            down_square: 1.0 - t1 * t1 - t2 * t2,
+            down_square: down_square(readings),
             field_square: 1.0 - b1 * b1 - b2 * b2,
         }
     }

@@ -33,35 +33,35 @@ pub struct Heading {
     pub yaw: HalfTurns,
 }
 
-/// d3, the cosine of the tilt: sqrt(max(0, 1 - t1^2 - t2^2)).
-#[must_use]
-pub fn down(readings: &Readings) -> f64 {
+/// d3^2 of two tilt axes, 1 - t1^2 - t2^2; noise may make it negative.
+pub(crate) fn down_square(readings: &Readings) -> f64 {
     let [t1, t2] = readings.tilt;
-    root(1.0 - t1 * t1 - t2 * t2)
+    1.0 - t1 * t1 - t2 * t2
 }
 
-/// Set 1: theta = -asin(t1) about y, psi = asin(t2 / cos theta) about x. Readings of gravity that are too
-/// long leave d3 at zero, and that is remembered where it is a divisor.
-pub(crate) fn tilt_1(readings: &Readings, domain: &mut Domain) -> Tilt {
+/// Set 1: theta = -asin(t1) about y, psi = asin(t2 / cos theta) about x; `down` is |d3|. Readings of gravity that are too
+/// long leave d3 at zero, and that is remembered where it is a divisor; the quotient stands as it is then,
+/// beyond 1, and only an angle made of it is limited.
+pub(crate) fn tilt_1(readings: &Readings, down: f64, domain: &mut Domain) -> Tilt {
     let [t1, t2] = readings.tilt;
     let cos_pitch = root(1.0 - t1 * t1);
     let sin_roll = domain.quotient(t2, cos_pitch);
     Tilt {
         sin_pitch: -t1.clamp(-1.0, 1.0),
         cos_pitch,
-        sin_roll: sin_roll.clamp(-1.0, 1.0),
-        cos_roll: domain.quotient(down(readings), cos_pitch),
+        sin_roll,
+        cos_roll: domain.quotient(down, cos_pitch),
     }
 }
 
 /// Set 2: theta = asin(t2) about x, psi = -asin(t1 / cos theta) about y.
-pub(crate) fn tilt_2(readings: &Readings, domain: &mut Domain) -> Tilt {
+pub(crate) fn tilt_2(readings: &Readings, down: f64, domain: &mut Domain) -> Tilt {
     let [t1, t2] = readings.tilt;
     let cos_roll = root(1.0 - t2 * t2);
     let sin_pitch = domain.quotient(-t1, cos_roll);
     Tilt {
-        sin_pitch: sin_pitch.clamp(-1.0, 1.0),
-        cos_pitch: domain.quotient(down(readings), cos_roll),
+        sin_pitch,
+        cos_pitch: domain.quotient(down, cos_roll),
         sin_roll: t2.clamp(-1.0, 1.0),
         cos_roll,
     }
@@ -137,8 +137,9 @@ pub(crate) fn east_1(tilt: &Tilt, heading: &Heading) -> (f64, f64) {
 #[must_use]
 pub fn headings(readings: &Readings, earth: EarthField) -> [Heading; 2] {
     let mut domain = Domain::default();
-    let tilt_1 = tilt_1(readings, &mut domain);
-    let tilt_2 = tilt_2(readings, &mut domain);
+    let down = root(down_square(readings));
+    let tilt_1 = tilt_1(readings, down, &mut domain);
+    let tilt_2 = tilt_2(readings, down, &mut domain);
     [
         heading_1(readings, &tilt_1, earth, &mut domain),
         heading_2(readings, &tilt_2, earth, &mut domain),

@@ -2,11 +2,11 @@
 
 use cardan_spec::calibration::Calibration;
 use cardan_spec::timing::Averaging;
-use cardan_spec::{CHANNELS, Channel, YAW_LEAST_EAST_SQUARE, flags};
+use cardan_spec::{ACCELERATION_LIMIT, CHANNELS, Channel, YAW_LEAST_EAST_SQUARE, flags};
 use cardan_units::HalfTurns;
 use nalgebra::{Matrix2, Vector2};
 
-use crate::domain::Domain;
+use crate::domain::{Domain, root};
 use crate::half_space::{HalfSpace, Vertical};
 use crate::node;
 use crate::orders::{self, Heading, Tilt};
@@ -158,15 +158,20 @@ pub fn solve_readings(
     record(node::FIELD_X, readings.field[0]);
     record(node::FIELD_Y, readings.field[1]);
     let mut domain = Domain::default();
-    let (readings, force_excess) = gravity(readings, memory.third, &mut domain);
+    let Gravity {
+        readings,
+        down_square,
+        force_excess,
+    } = gravity(readings, memory.third);
     record(node::GRAVITY_X, readings.tilt[0]);
     record(node::GRAVITY_Y, readings.tilt[1]);
 
-    let tilt_1 = orders::tilt_1(&readings, &mut domain);
-    let tilt_2 = orders::tilt_2(&readings, &mut domain);
+    let down = root(down_square);
+    let tilt_1 = orders::tilt_1(&readings, down, &mut domain);
+    let tilt_2 = orders::tilt_2(&readings, down, &mut domain);
     record(node::COS_1, tilt_1.cos_pitch);
     record(node::COS_2, tilt_2.cos_roll);
-    record(node::DOWN, orders::down(&readings));
+    record(node::DOWN, down);
 
     let heading_1 = orders::heading_1(&readings, &tilt_1, earth, &mut domain);
     let heading_2 = orders::heading_2(&readings, &tilt_2, earth, &mut domain);
@@ -178,7 +183,10 @@ pub fn solve_readings(
     let east = orders::east_1(&tilt_1, &heading_1);
     let upright_yaw = weighed(east, heading_1.yaw, yaw_2, record);
 
-    let vertical = Vertical::of(&readings, earth);
+    let vertical = Vertical {
+        down_square,
+        ..Vertical::of(&readings, earth)
+    };
     let side = memory.half_space.track(&vertical, memory.third);
     if let Some(yaw) = upright_yaw {
         memory.yaw = HalfTurns(if side.is_upside_down { -yaw.0 } else { yaw.0 }).wrapped();
@@ -207,29 +215,46 @@ pub fn solve_readings(
     }
 }
 
-/// The readings with gravity's direction in place of its readings where all three axes are measured; and
-/// by how much the squared specific force differs from gravity's, where the third is missing only if it is
-/// larger.
-fn gravity(readings: &Readings, third: Option<Third>, domain: &mut Domain) -> (Readings, f64) {
-    let [t1, t2] = readings.tilt;
-    let plane = t1 * t1 + t2 * t2;
+/// What the readings say of gravity.
+struct Gravity {
+    /// With gravity's direction in place of the tilt readings where all three axes are measured.
+    readings: Readings,
+    /// d3^2.
+    down_square: f64,
+    /// By how much the squared specific force differs from gravity's; without a third axis only if it is
+    /// larger.
+    force_excess: f64,
+}
+
+/// Gravity's direction. A force that cannot be gravity's alone (the limit of
+/// [`cardan_spec::flags::ACCELERATED`]) is scaled as one at the limit.
+fn gravity(readings: &Readings, third: Option<Third>) -> Gravity {
+    let down_square = orders::down_square(readings);
     let Some(Third::Measured(t3)) = third else {
-        return (*readings, (plane - 1.0).max(0.0));
+        return Gravity {
+            readings: *readings,
+            down_square,
+            force_excess: (-down_square).max(0.0),
+        };
     };
-    let square = plane + t3 * t3;
-    // Nothing has no direction: both readings are 0 then, and stay so.
-    let inverse = domain.quotient(1.0, square.sqrt());
-    let directed = Readings {
-        tilt: [t1 * inverse, t2 * inverse],
-        ..*readings
-    };
-    (directed, (square - 1.0).abs())
+    let [t1, t2] = readings.tilt;
+    let square = t1 * t1 + t2 * t2 + t3 * t3;
+    let likely = square.clamp(1.0 - ACCELERATION_LIMIT, 1.0 + ACCELERATION_LIMIT);
+    let inverse = 1.0 / likely.sqrt();
+    Gravity {
+        readings: Readings {
+            tilt: [t1 * inverse, t2 * inverse],
+            ..*readings
+        },
+        down_square: (t3 * inverse) * (t3 * inverse),
+        force_excess: (square - 1.0).abs(),
+    }
 }
 
 /// Set 1's angles, turned to the other attitude of the same readings if the device is upside down (7.4);
 /// the yaw has been turned.
 fn angles(yaw: HalfTurns, tilt: &Tilt, is_upside_down: bool) -> Angles {
-    let roll = HalfTurns::from_radians(libm::asin(tilt.sin_roll));
+    let roll = HalfTurns::from_radians(libm::asin(tilt.sin_roll.clamp(-1.0, 1.0)));
     Angles {
         yaw,
         pitch: HalfTurns::from_radians(libm::asin(tilt.sin_pitch)),

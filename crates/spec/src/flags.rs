@@ -61,7 +61,8 @@ pub const INCONSISTENT: u16 = 1 << 7;
 /// With a measured third tilt axis x = min(|t^2 - 1|, [`UNREST_MOST`]), t^2 = t1^2 + t2^2 + t3^2; without
 /// one only too long a vector can be told: x = min(max(t1^2 + t2^2 - 1, 0), [`UNREST_MOST`]). In every
 /// solution acceleration := max(x, acceleration left(averaging)), as for [`INCONSISTENT`]; the flag is set
-/// while it is over [`crate::ACCELERATION_LIMIT`].
+/// while it is over [`crate::ACCELERATION_LIMIT`]. Gravity's direction is t over its length then only as far
+/// as that limit: a longer (shorter) vector is divided by sqrt(1 + limit) (sqrt(1 - limit)).
 pub const ACCELERATED: u16 = 1 << 8;
 
 /// Largest excess that is remembered: a longer vector was not more wrong than unknown.

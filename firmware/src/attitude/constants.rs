@@ -25,5 +25,6 @@ constants! {
     ResidualLimit = FIELD_RESIDUAL_LIMIT;
     InconsistencyLimit = INCONSISTENCY_LIMIT;
     AccelerationLimit = ACCELERATION_LIMIT;
+    OppositeAccelerationLimit = -ACCELERATION_LIMIT;
     MostUnrest = UNREST_MOST;
 }

@@ -3,7 +3,7 @@
 use cardan_datapath::{Arithmetic, Table, Value};
 use cardan_spec::ThirdTilt;
 
-use super::constants::{Unity, Zero};
+use super::constants::{AccelerationLimit, OppositeAccelerationLimit, Unity, Zero};
 use super::{Readings, Third, root, same};
 use crate::nodes::{
     Cos1, Cos2, CosRoll, Down, DownSquare, Excess, GravitySquare, GravityX, GravityY, GravityZ,
@@ -103,7 +103,7 @@ fn gravity<M: Arithmetic>(m: &M, readings: &Readings<M>, third: &Third<M>) -> Gr
     let sum: Value<M, SquareSum> = m.add(sum, square_3);
     let square: Value<M, GravitySquare> = same(m, sum);
     let excess: Value<M, Excess> = m.sub(square, m.constant::<GravitySquare, Unity>());
-    let inverse = inverse_root(m, excess);
+    let inverse = inverse_root(m, limited(m, excess));
     let (x, y) = (m.mul(t1, inverse), m.mul(t2, inverse));
     Gravity {
         x,
@@ -112,6 +112,16 @@ fn gravity<M: Arithmetic>(m: &M, readings: &Readings<M>, third: &Third<M>) -> Gr
         square_2: m.mul(y, y),
         measured: Some((m.mul(t3, inverse), excess)),
     }
+}
+
+/// An excess within the limit of [`flags::ACCELERATED`](cardan_spec::flags::ACCELERATED), or the limit: the
+/// series holds no further, and beyond it nobody knows gravity's direction.
+#[inline(always)]
+fn limited<M: Arithmetic>(m: &M, x: Value<M, Excess>) -> Value<M, Excess> {
+    let most = m.constant::<Excess, AccelerationLimit>();
+    let least = m.constant::<Excess, OppositeAccelerationLimit>();
+    let upper: Value<M, Excess> = m.select(m.less(most, x), most, x);
+    m.select(m.less(upper, least), least, upper)
 }
 
 /// 1 / sqrt(1 + x).
