@@ -125,10 +125,11 @@ fn reference() -> &'static Reference {
         scenario.sensors.third_tilt = Axis::Comparator;
         let image = Attitude.bundled(true).expect("is bundled");
         let firmware = Firmware::parse("tapped.elf", image).expect("an image");
-        let (configuration, engine) = Attitude
+        let (configuration, mut device) = Attitude
             .emulated(&scenario, 1, 4.0, &firmware)
             .expect("fits");
-        let emulated = record(engine, &[]);
+        let mut emulated = Recorder::default();
+        device.run(&mut emulated).expect("runs");
         let mut conversions = emulated.conversions;
         let end = conversions.len() as u64;
         conversions.extend((end..end + WILD_SOLUTIONS * 64).map(wild));

@@ -128,7 +128,7 @@ fn whole(scenario: &str, firmware: &Firmware, seconds: u32) -> Result<f64, Strin
     let mut counter = Counter::default();
     let started = processor_seconds()?;
     let summary = engine
-        .run(&mut std::iter::empty(), &mut counter)
+        .run(&mut counter)
         .map_err(|error| error.to_string())?;
     let taken = processor_seconds()? - started;
     if counter.frames == 0 || summary.mistimed > 0 {

@@ -10,7 +10,7 @@ use cardan_tune::Problem;
 
 use crate::attitude::Attitude;
 use crate::calibration::{CalibrateError, Calibrated, Request};
-use crate::engine::{Conversion, Engine, Summary, Truth};
+use crate::engine::{Conversion, Device, Engine, Summary, Truth};
 use crate::image::{EepromImage, Firmware};
 
 /// What a run is made of, as the emulated participant decides it and the others are told.
@@ -129,7 +129,7 @@ pub trait App: Sync {
         seed: u64,
         seconds: f64,
         firmware: &Firmware,
-    ) -> Result<(Configuration, Box<dyn Engine>), String>;
+    ) -> Result<(Configuration, Box<dyn Device>), String>;
     /// The firmware on the host: deployed, or in other formats on the tunable arithmetic.
     ///
     /// # Errors

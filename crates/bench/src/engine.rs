@@ -168,9 +168,25 @@ pub enum EngineError {
     Input(String),
 }
 
-/// An interpretation of an app's algorithm.
+/// An interpretation of an app's algorithm, fed conversion by conversion. It keeps nothing of a run but what
+/// the algorithm itself keeps.
 pub trait Engine {
-    /// Runs to the end of `conversions` (the emulated engine makes its own and takes none).
+    /// Takes the next conversion and shows what it makes of it.
+    ///
+    /// # Errors
+    /// A refusing sink, unusable input.
+    fn conversion(
+        &mut self,
+        conversion: &Conversion,
+        sink: &mut dyn Sink,
+    ) -> Result<(), EngineError>;
+
+    /// What was counted so far.
+    fn summary(&self) -> Summary {
+        Summary::default()
+    }
+
+    /// Takes all of `conversions`.
     ///
     /// # Errors
     /// A refusing sink, missing conversions, unusable input.
@@ -178,5 +194,19 @@ pub trait Engine {
         &mut self,
         conversions: Conversions<'_>,
         sink: &mut dyn Sink,
-    ) -> Result<Summary, EngineError>;
+    ) -> Result<Summary, EngineError> {
+        for conversion in conversions {
+            self.conversion(&conversion?, sink)?;
+        }
+        Ok(self.summary())
+    }
+}
+
+/// The emulated device in its surroundings, which makes the conversions.
+pub trait Device {
+    /// Runs to the end of the run.
+    ///
+    /// # Errors
+    /// A refusing sink.
+    fn run(&mut self, sink: &mut dyn Sink) -> Result<Summary, EngineError>;
 }

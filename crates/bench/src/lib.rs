@@ -1,8 +1,9 @@
 //! The breadboard: wires scenario, sensors, front end, emulator, firmware and golden model.
 //!
 //! The only crate that sees the analog side, the emulator, the firmware and the golden model at
-//! once. An [`App`] is an algorithm with its board, golden model and nodes; an [`Engine`] runs it in
-//! one of its interpretations and shows what happens to a [`Sink`].
+//! once. An [`App`] is an algorithm with its board, golden model and nodes; a [`Device`] makes the
+//! conversions, an [`Engine`] runs the algorithm on them in one of its interpretations, and both show what
+//! happens to a [`Sink`].
 
 pub mod accuracy;
 pub mod app;
@@ -13,5 +14,5 @@ pub mod image;
 
 pub use app::App;
 pub use engine::{
-    Conversion, Conversions, Engine, EngineError, Sink, SinkError, Summary, ThirdTilt, Truth,
+    Conversion, Conversions, Device, Engine, EngineError, Sink, SinkError, Summary, ThirdTilt, Truth,
 };

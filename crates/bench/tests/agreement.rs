@@ -60,10 +60,11 @@ fn emulate(scenario: &str, seconds: f64) -> (Configuration, Recorder, Summary) {
     firmware
         .check_formats(Attitude.nodes(), Attitude.formats_hash())
         .expect("same formats");
-    let (configuration, engine) = Attitude
+    let (configuration, mut device) = Attitude
         .emulated(&scenario, 1, seconds, &firmware)
         .expect("fits");
-    let (recorder, summary) = run(engine, &[]);
+    let mut recorder = Recorder::default();
+    let summary = device.run(&mut recorder).expect("runs");
     (configuration, recorder, summary)
 }
 

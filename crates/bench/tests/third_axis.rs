@@ -69,10 +69,11 @@ fn scenario(averaging: f64, period: f64) -> Scenario {
 fn emulate(scenario: &Scenario, seconds: f64, tapped: bool) -> (Configuration, Recorder, Summary) {
     let image = Attitude.bundled(tapped).expect("bundled");
     let firmware = Firmware::parse("bundled.elf", image).expect("parses");
-    let (configuration, engine) = Attitude
+    let (configuration, mut device) = Attitude
         .emulated(scenario, 1, seconds, &firmware)
         .expect("fits");
-    let (recorder, summary) = run(engine, &[]);
+    let mut recorder = Recorder::default();
+    let summary = device.run(&mut recorder).expect("runs");
     (configuration, recorder, summary)
 }
 

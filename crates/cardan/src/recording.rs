@@ -43,7 +43,7 @@ fn run(
         .map_err(Failure::input)?;
     let mut kept = Kept::default();
     let summary = engine
-        .run(&mut std::iter::empty(), &mut kept)
+        .run(&mut kept)
         .map_err(|error| match error {
             EngineError::Input(message) => Failure::input(message),
             EngineError::Link(error) => Failure::participant(error),

@@ -6,7 +6,7 @@ use cardan_firmware::attitude::{self, solve};
 use cardan_firmware::averaging::Decimator;
 use cardan_firmware::calibration::Calibration;
 use cardan_numerics::Datapath;
-use cardan_numerics::tape::{Flow, Tape};
+use cardan_numerics::tape::{Flow, Follower};
 use cardan_spec::ThirdTilt;
 use cardan_spec::calibration::WORDS;
 use cardan_spec::timing::Averaging;
@@ -66,13 +66,15 @@ impl Datapath for AttitudeDatapath {
     }
 }
 
-/// Solutions recorded to see the data flow: which codes they are of makes no difference to it.
+/// Solutions of a rehearsal: which codes they are of makes no difference to the data flow.
 const SOLUTIONS: i32 = 8;
 /// Solutions looked at beyond them; nothing in the algorithm looks back farther.
 const AHEAD: usize = 64;
 
-/// Which nodes' values enter which.
-pub(super) fn flow(configuration: &Configuration) -> Result<Flow, String> {
+/// The algorithm of a device so configured, to be followed solution by solution.
+pub(super) fn follower(
+    configuration: &Configuration,
+) -> Result<Follower<AttitudeDatapath>, String> {
     let averaging = configuration.averaging();
     let datapath = AttitudeDatapath {
         words: words_of(configuration),
@@ -85,7 +87,10 @@ pub(super) fn flow(configuration: &Configuration) -> Result<Flow, String> {
         codes.chain([1]).collect()
     };
     let steps: Vec<Vec<i32>> = (0..SOLUTIONS).map(step).collect();
-    let (tape, _) =
-        Tape::record_ahead(&datapath, &steps, AHEAD).map_err(|error| error.to_string())?;
-    Ok(tape.flow())
+    Follower::new(datapath, &steps, AHEAD).map_err(|error| error.to_string())
+}
+
+/// Which nodes' values enter which.
+pub(super) fn flow(configuration: &Configuration) -> Result<Flow, String> {
+    Ok(follower(configuration)?.tape().flow())
 }

@@ -14,7 +14,7 @@ use cardan_spec::timing::{Averaging, CPU_HZ};
 use super::board::{Board, State};
 use super::{calibration_of, settings_of};
 use crate::app::Configuration;
-use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
+use crate::engine::{Device, EngineError, Sink, Summary};
 use crate::image::Firmware;
 
 /// The voltage at AREF, where the board has a capacitor and nothing else: the design converts against
@@ -22,7 +22,7 @@ use crate::image::Firmware;
 const AREF_VOLTS: f64 = 4.5;
 
 /// A machine with its firmware, ready on a board.
-pub(super) struct EmulatedEngine {
+pub(super) struct EmulatedDevice {
     machine: Machine,
     firmware: Firmware,
     frontend: Frontend<Arc<Trajectory>>,
@@ -34,7 +34,7 @@ pub(super) struct EmulatedEngine {
     third_tilt: ThirdTilt,
 }
 
-impl EmulatedEngine {
+impl EmulatedDevice {
     pub(super) fn new(
         scenario: &Scenario,
         seed: u64,
@@ -71,8 +71,8 @@ impl EmulatedEngine {
     }
 }
 
-impl Engine for EmulatedEngine {
-    fn run(&mut self, _: Conversions<'_>, sink: &mut dyn Sink) -> Result<Summary, EngineError> {
+impl Device for EmulatedDevice {
+    fn run(&mut self, sink: &mut dyn Sink) -> Result<Summary, EngineError> {
         let started = Instant::now();
         let mut board = Board {
             frontend: self.frontend.clone(),

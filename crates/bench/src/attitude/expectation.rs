@@ -1,70 +1,78 @@
 //! The algorithm in its real interpretation, with what rounding is expected to make of every value
 //! and of every status bit.
 
+use std::rc::Rc;
+
 use cardan_datapath::Format;
-use cardan_firmware::calibration::Settings;
 use cardan_firmware::nodes::NODES;
-use cardan_numerics::tape::{Tape, Uncertainty};
+use cardan_numerics::tape::{Follower, Tape, Uncertainty};
 use cardan_spec::flags;
 
-use super::{AttitudeDatapath, step_inputs};
-use crate::engine::{Conversion, Conversions, Engine, EngineError, Sink, Summary};
+use super::datapath::{AttitudeDatapath, follower};
+use super::step_inputs;
+use crate::app::Configuration;
+use crate::engine::{Conversion, Engine, EngineError, Sink};
 
-/// The real interpretation beside the rounding of `formats`.
+/// The real interpretation beside the rounding of the formats.
 pub(super) struct ExpectationEngine {
-    settings: Settings,
-    formats: Vec<Format>,
+    follower: Follower<AttitudeDatapath>,
+    uncertainty: Uncertainty<Rc<Tape>>,
+    /// Conversions of the warm-up that are still to come.
+    warm_up: usize,
+    /// Those of the next solution so far.
+    solution: Vec<Conversion>,
+    per_solution: usize,
 }
 
 impl ExpectationEngine {
-    pub(super) fn new(mut formats: Vec<Format>, settings: &Settings) -> Self {
+    pub(super) fn new(
+        mut formats: Vec<Format>,
+        configuration: &Configuration,
+    ) -> Result<Self, String> {
         // What wraps by design (an angle) is the algorithm's affair. A tuned word that wraps because
         // that is cheap stands for a value that does not.
         for (format, node) in formats.iter_mut().zip(&NODES) {
             format.overflow = node.format.overflow;
         }
-        Self {
-            settings: *settings,
-            formats,
-        }
+        let averaging = configuration.averaging();
+        let follower = follower(configuration)?;
+        Ok(Self {
+            uncertainty: Uncertainty::new(follower.tape(), &formats, flags::DOMAIN),
+            follower,
+            warm_up: averaging.warm_up_conversions(),
+            solution: Vec::new(),
+            per_solution: averaging.conversions(),
+        })
     }
 }
 
 impl Engine for ExpectationEngine {
-    fn run(
+    fn conversion(
         &mut self,
-        conversions: Conversions<'_>,
+        conversion: &Conversion,
         sink: &mut dyn Sink,
-    ) -> Result<Summary, EngineError> {
-        let conversions = conversions.collect::<Result<Vec<Conversion>, _>>()?;
-        let averaging = self.settings.averaging;
-        let settled = conversions.get(averaging.warm_up_conversions()..);
-        let solutions = settled
-            .unwrap_or_default()
-            .chunks_exact(averaging.conversions());
-        let steps: Vec<Vec<i32>> = solutions.clone().map(step_inputs).collect();
-        if steps.is_empty() {
-            return Ok(Summary::default());
+    ) -> Result<(), EngineError> {
+        if self.warm_up > 0 {
+            self.warm_up -= 1;
+            return Ok(());
         }
-        let datapath = AttitudeDatapath {
-            words: self.settings.words,
-            averaging,
-            third_tilt: self.settings.third_tilt,
-        };
-        let (tape, inputs) = Tape::record(&datapath, &steps)
+        self.solution.push(*conversion);
+        if self.solution.len() < self.per_solution {
+            return Ok(());
+        }
+        let inputs = self
+            .follower
+            .step(&step_inputs(&self.solution))
             .map_err(|error| EngineError::Input(format!("the attitude datapath: {error}")))?;
-        let mut uncertainty = Uncertainty::new(&tape, &self.formats, flags::DOMAIN);
-        for (at, solution) in solutions.enumerate() {
-            let cycle = solution.last().map_or(0, |last| last.cycle);
-            let mut result = Ok(());
-            let raised = uncertainty.step(&inputs, at, |node, expected| {
-                if result.is_ok() {
-                    result = sink.expected(node, expected, cycle);
-                }
-            });
-            result?;
-            sink.status(raised.status, raised.doubtful, cycle)?;
-        }
-        Ok(Summary::default())
+        self.solution.clear();
+        let mut result = Ok(());
+        let raised = self.uncertainty.step(inputs, 0, |node, expected| {
+            if result.is_ok() {
+                result = sink.expected(node, expected, conversion.cycle);
+            }
+        });
+        result?;
+        sink.status(raised.status, raised.doubtful, conversion.cycle)?;
+        Ok(())
     }
 }

@@ -6,7 +6,7 @@ use cardan_units::{AdcCode, Volts, ideal_bipolar_code};
 
 use super::{calibration_of, words_of};
 use crate::app::{Configuration, Feed};
-use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
+use crate::engine::{Conversion, Engine, EngineError, Sink};
 
 /// The golden model on one of its feeds. Nodes are indices into the shared nodes' table.
 pub(super) struct GoldenEngine {
@@ -14,6 +14,8 @@ pub(super) struct GoldenEngine {
     feed: Feed,
     /// A conversion of this solution came late, or not at all.
     late: bool,
+    /// What the current conversion caused.
+    writes: Vec<(usize, f64)>,
 }
 
 impl GoldenEngine {
@@ -23,52 +25,49 @@ impl GoldenEngine {
             golden: Golden::with_averaging(&calibration, configuration.averaging()),
             feed,
             late: false,
+            writes: Vec::new(),
         }
     }
 }
 
 impl Engine for GoldenEngine {
-    fn run(
+    fn conversion(
         &mut self,
-        conversions: Conversions<'_>,
+        conversion: &Conversion,
         sink: &mut dyn Sink,
-    ) -> Result<Summary, EngineError> {
-        let mut writes = Vec::new();
-        for conversion in conversions {
-            let conversion = conversion?;
-            let channel = Channel::of(conversion.channel)
-                .ok_or_else(|| EngineError::Input(format!("channel {}", conversion.channel)))?;
-            let code = AdcCode(conversion.code);
-            let fed = match self.feed {
-                Feed::Codes => f64::from(code.bipolar()),
-                Feed::IdealVolts => {
-                    ideal_bipolar_code(Volts(conversion.ideal_volts), Volts(REFERENCE_V))
-                }
-                Feed::Experienced => conversion.experienced_code,
-                Feed::Direct => conversion.direct_code,
-            };
-            // Only real codes can clip; the other feeds have no rails.
-            let clipped = self.feed == Feed::Codes && code.is_clipped();
-            self.golden
-                .third_tilt(conversion.third_tilt.and_then(|third| match self.feed {
-                    Feed::Codes | Feed::IdealVolts => Some(third.upside_down),
-                    Feed::Experienced | Feed::Direct => third.truly_upside_down,
-                }));
-            self.late |= conversion.late || conversion.lost;
-            let solution = self
-                .golden
-                .convert(channel, fed, clipped, &mut |node, value| {
-                    writes.push((node, value));
-                });
-            for (node, value) in writes.drain(..) {
-                sink.real(node, value, conversion.cycle)?;
+    ) -> Result<(), EngineError> {
+        let channel = Channel::of(conversion.channel)
+            .ok_or_else(|| EngineError::Input(format!("channel {}", conversion.channel)))?;
+        let code = AdcCode(conversion.code);
+        let fed = match self.feed {
+            Feed::Codes => f64::from(code.bipolar()),
+            Feed::IdealVolts => {
+                ideal_bipolar_code(Volts(conversion.ideal_volts), Volts(REFERENCE_V))
             }
-            if let Some(solution) = solution {
-                let late = std::mem::take(&mut self.late);
-                let status = solution.flags | if late { flags::LATE } else { 0 };
-                sink.status(status, 0, conversion.cycle)?;
-            }
+            Feed::Experienced => conversion.experienced_code,
+            Feed::Direct => conversion.direct_code,
+        };
+        // Only real codes can clip; the other feeds have no rails.
+        let clipped = self.feed == Feed::Codes && code.is_clipped();
+        self.golden
+            .third_tilt(conversion.third_tilt.and_then(|third| match self.feed {
+                Feed::Codes | Feed::IdealVolts => Some(third.upside_down),
+                Feed::Experienced | Feed::Direct => third.truly_upside_down,
+            }));
+        self.late |= conversion.late || conversion.lost;
+        let solution = self
+            .golden
+            .convert(channel, fed, clipped, &mut |node, value| {
+                self.writes.push((node, value));
+            });
+        for (node, value) in self.writes.drain(..) {
+            sink.real(node, value, conversion.cycle)?;
         }
-        Ok(Summary::default())
+        if let Some(solution) = solution {
+            let late = std::mem::take(&mut self.late);
+            let status = solution.flags | if late { flags::LATE } else { 0 };
+            sink.status(status, 0, conversion.cycle)?;
+        }
+        Ok(())
     }
 }

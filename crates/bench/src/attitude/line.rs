@@ -8,10 +8,10 @@ use cardan_golden::frame::Frame;
 use cardan_scenario::{Scenario, Trajectory};
 use cardan_spec::CHANNELS;
 
-use super::emulated::EmulatedEngine;
+use super::emulated::EmulatedDevice;
 use super::{configuration_of, frames};
 use crate::calibration::CalibrateError;
-use crate::engine::{Engine, Sink, SinkError, Truth};
+use crate::engine::{Device, Sink, SinkError, Truth};
 use crate::image::Firmware;
 
 /// A unit: its hardware and what it is programmed with.
@@ -73,7 +73,7 @@ impl Unit<'_> {
     ) -> Result<(Vec<Told>, Vec<String>), CalibrateError> {
         let configuration = configuration_of(settings, seconds).map_err(CalibrateError::Input)?;
         let converter = AdcErrors::new(self.scenario, self.seed).with_noise_of(seed);
-        let mut engine = EmulatedEngine::new(
+        let mut engine = EmulatedDevice::new(
             self.scenario,
             seed,
             Arc::clone(trajectory),
@@ -84,7 +84,7 @@ impl Unit<'_> {
         .with_converter(converter);
         let mut line = Line::default();
         let summary = engine
-            .run(&mut std::iter::empty(), &mut line)
+            .run(&mut line)
             .map_err(|error| CalibrateError::Input(format!("{}: {error}", self.firmware.name)))?;
         if let Some(crash) = summary.crash {
             return Err(CalibrateError::Crash(crash));

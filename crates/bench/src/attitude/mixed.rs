@@ -16,7 +16,7 @@ use cardan_spec::frame::FRAC;
 use cardan_units::AdcCode;
 
 use super::sign;
-use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
+use crate::engine::{Conversion, Engine, EngineError, Sink, Summary};
 
 /// A node, its value, and its word where it has one.
 type Write = (usize, f64, Option<i64>);
@@ -50,7 +50,12 @@ enum Shows {
 pub(super) struct MixedEngine {
     buffer: Buffer,
     m: Mixed<Buffer>,
-    settings: Settings,
+    calibration: Calibration<Mixed<Buffer>>,
+    state: State<Mixed<Buffer>>,
+    decimator: Decimator<Mixed<Buffer>>,
+    third_tilt: ThirdTilt,
+    /// Of the next frame.
+    sequence: u16,
     shows: Shows,
 }
 
@@ -73,8 +78,12 @@ impl MixedEngine {
         let m = Mixed::new(formats, buffer.clone());
         Self {
             buffer,
+            calibration: Calibration::new(&m, &settings.words, settings.third_tilt),
+            state: State::new(&m, settings.averaging),
+            decimator: Decimator::new(&m, settings.averaging),
             m,
-            settings: *settings,
+            third_tilt: settings.third_tilt,
+            sequence: 0,
             shows,
         }
     }
@@ -100,7 +109,7 @@ impl MixedEngine {
         Frame {
             sequence,
             averages: averages.values.map(|average| word(average, formats)),
-            third: self.settings.third_tilt == ThirdTilt::Measured,
+            third: self.third_tilt == ThirdTilt::Measured,
             angles: [
                 word(angles.yaw, formats),
                 word(angles.pitch, formats),
@@ -123,34 +132,32 @@ fn word<N: Node>(value: Value<Mixed<Buffer>, N>, formats: &[Format]) -> i16 {
 }
 
 impl Engine for MixedEngine {
-    fn run(
+    fn conversion(
         &mut self,
-        conversions: Conversions<'_>,
+        conversion: &Conversion,
         sink: &mut dyn Sink,
-    ) -> Result<Summary, EngineError> {
+    ) -> Result<(), EngineError> {
         let m = &self.m;
-        let calibration = Calibration::new(m, &self.settings.words, self.settings.third_tilt);
-        let mut state = State::new(m, self.settings.averaging);
-        let mut decimator = Decimator::new(m, self.settings.averaging);
-        let mut sequence = 0_u16;
-        for conversion in conversions {
-            let conversion = conversion?;
-            let averages = decimator.push(m, AdcCode(conversion.code));
-            let solved = averages.map(|averages| {
-                let angles = solve(m, &calibration, &mut state, &averages, sign(&conversion));
-                (averages, angles)
-            });
-            self.pass_on(conversion.cycle, sink)?;
-            if let (Some((averages, angles)), Shows::Words(formats)) = (solved, &self.shows) {
-                let frame = self.frame(formats, sequence, &averages, &angles, m.take_status());
-                sink.frame(conversion.cycle, &frame.encode())?;
-                sequence = sequence.wrapping_add(1);
-            }
+        let averages = self.decimator.push(m, AdcCode(conversion.code));
+        let solved = averages.map(|averages| {
+            let sign = sign(conversion);
+            let angles = solve(m, &self.calibration, &mut self.state, &averages, sign);
+            (averages, angles)
+        });
+        self.pass_on(conversion.cycle, sink)?;
+        if let (Some((averages, angles)), Shows::Words(formats)) = (solved, &self.shows) {
+            let flags = self.m.take_status();
+            let frame = self.frame(formats, self.sequence, &averages, &angles, flags);
+            sink.frame(conversion.cycle, &frame.encode())?;
+            self.sequence = self.sequence.wrapping_add(1);
         }
-        let overflows = self.buffer.overflows.borrow().clone();
-        Ok(Summary {
-            overflows,
+        Ok(())
+    }
+
+    fn summary(&self) -> Summary {
+        Summary {
+            overflows: self.buffer.overflows.borrow().clone(),
             ..Summary::default()
-        })
+        }
     }
 }

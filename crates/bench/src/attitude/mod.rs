@@ -38,7 +38,7 @@ use cardan_units::AdcCode;
 
 use crate::app::{App, Configuration, Evidence, Feed, RecordedRun, RoundingSteps, Tolerance};
 use crate::calibration::{CalibrateError, Calibrated, Request};
-use crate::engine::{Conversion, Engine, ThirdTilt};
+use crate::engine::{Conversion, Device, Engine, ThirdTilt};
 use crate::image::{EepromImage, Firmware};
 
 /// The reference application.
@@ -151,14 +151,14 @@ impl App for Attitude {
         seed: u64,
         seconds: f64,
         firmware: &Firmware,
-    ) -> Result<(Configuration, Box<dyn Engine>), String> {
+    ) -> Result<(Configuration, Box<dyn Device>), String> {
         let trajectory = Trajectory::new(scenario, seed).map_err(|error| error.to_string())?;
         let seconds = trajectory
             .duration_s()
             .map_or(seconds, |end| seconds.min(end));
         let settings = eeprom::settings_for(scenario, &trajectory, firmware)?;
         let configuration = configuration_of(&settings, seconds)?;
-        let engine = emulated::EmulatedEngine::new(
+        let engine = emulated::EmulatedDevice::new(
             scenario,
             seed,
             Arc::new(trajectory),
@@ -233,8 +233,8 @@ impl App for Attitude {
         let formats = formats.map_or_else(deployed, <[Format]>::to_vec);
         Ok(Box::new(expectation::ExpectationEngine::new(
             formats,
-            &settings_of(configuration),
-        )))
+            configuration,
+        )?))
     }
 
     fn checks(&self, evidence: &Evidence<'_>) -> Result<Vec<Check>, String> {

@@ -11,7 +11,7 @@ use cardan_firmware::nodes::NODE_COUNT;
 use cardan_units::AdcCode;
 
 use super::sign;
-use crate::engine::{Conversions, Engine, EngineError, Sink, Summary};
+use crate::engine::{Conversion, Engine, EngineError, Sink, Summary};
 
 /// Collects writes until the engine passes them on.
 #[derive(Clone, Debug, Default)]
@@ -65,26 +65,26 @@ impl NativeEngine {
 }
 
 impl Engine for NativeEngine {
-    fn run(
+    fn conversion(
         &mut self,
-        conversions: Conversions<'_>,
+        conversion: &Conversion,
         sink: &mut dyn Sink,
-    ) -> Result<Summary, EngineError> {
-        for conversion in conversions {
-            let conversion = conversion?;
-            let averages = self.decimator.push(&self.m, AdcCode(conversion.code));
-            let frame = averages.map(|averages| self.solver.solve(&averages, sign(&conversion)));
-            self.pass_on(conversion.cycle, sink)?;
-            if let Some(frame) = frame {
-                sink.frame(conversion.cycle, &frame.encode())?;
-            }
+    ) -> Result<(), EngineError> {
+        let averages = self.decimator.push(&self.m, AdcCode(conversion.code));
+        let frame = averages.map(|averages| self.solver.solve(&averages, sign(conversion)));
+        self.pass_on(conversion.cycle, sink)?;
+        if let Some(frame) = frame {
+            sink.frame(conversion.cycle, &frame.encode())?;
+            // The averager's arithmetic keeps no status of its own: only the solver's is sent.
+            let _ = self.m.take_status();
         }
-        // The averager's arithmetic keeps no status of its own: only the solver's is sent.
-        let _ = self.m.take_status();
-        let overflows = self.buffer.overflows.borrow().clone();
-        Ok(Summary {
-            overflows,
+        Ok(())
+    }
+
+    fn summary(&self) -> Summary {
+        Summary {
+            overflows: self.buffer.overflows.borrow().clone(),
             ..Summary::default()
-        })
+        }
     }
 }

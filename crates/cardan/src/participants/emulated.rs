@@ -131,7 +131,7 @@ pub(crate) fn run(session: Session, setup: &Setup, signals: &[Signal]) -> Result
             .map_err(lost)?;
     }
     let summary = engine
-        .run(&mut std::iter::empty(), &mut publisher)
+        .run(&mut publisher)
         .map_err(engine_failure)?;
     let Publisher {
         conversions,

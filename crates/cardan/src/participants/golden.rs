@@ -6,7 +6,7 @@ use cardan_link::stream::IdealNodes;
 use cardan_link::{NodeReal, Role, Session, Writer};
 
 use super::native::Model;
-use super::{configuration, conversions, engine_failure, feed, lost, node_index};
+use super::{configuration, each_conversion, lost, node_index};
 use crate::failure::Failure;
 
 struct Ideals(Writer<IdealNodes>);
@@ -23,20 +23,19 @@ impl Sink for Ideals {
     }
 }
 
-/// Runs the golden model twice.
+/// Runs the golden model on both, conversion by conversion as they come.
 pub(crate) fn run(session: Session, app: &'static dyn App) -> Result<(), Failure> {
     let mut blobs = session.blob_reader(Role::Emulated).map_err(lost)?;
     let configuration = configuration(&mut blobs)?;
-    let conversions = conversions(&session)?;
     let mut model = Model::new(&session).map_err(lost)?;
-    app.golden(&configuration, Feed::Codes)
-        .run(&mut feed(&conversions), &mut model)
-        .map_err(engine_failure)?;
-    model.finish().map_err(lost)?;
     let mut ideals = Ideals(session.writer(IdealNodes).map_err(lost)?);
-    app.golden(&configuration, Feed::IdealVolts)
-        .run(&mut feed(&conversions), &mut ideals)
-        .map_err(engine_failure)?;
+    let mut on_codes = app.golden(&configuration, Feed::Codes);
+    let mut on_volts = app.golden(&configuration, Feed::IdealVolts);
+    each_conversion(&session, |conversion| {
+        on_codes.conversion(conversion, &mut model)?;
+        on_volts.conversion(conversion, &mut ideals)
+    })?;
+    model.finish().map_err(lost)?;
     ideals.0.finish().map_err(lost)?;
     // Golden publishes no blobs; its stream of them ends at once.
     session

@@ -11,7 +11,7 @@ pub(crate) mod native;
 use std::time::Duration;
 
 use cardan_bench::app::Configuration;
-use cardan_bench::{Conversion, SinkError, ThirdTilt};
+use cardan_bench::{Conversion, EngineError, SinkError, ThirdTilt};
 use cardan_link::stream::Conversions;
 use cardan_link::{
     BlobReader, Conversion as Record, LinkError, Options, Role, Session, SessionId, Transport,
@@ -161,16 +161,23 @@ fn to_link(conversion: &Conversion) -> Record {
     }
 }
 
-/// Feeds an engine from what was received.
-fn feed(conversions: &[Conversion]) -> impl Iterator<Item = Result<Conversion, SinkError>> + '_ {
-    conversions.iter().copied().map(Ok)
+/// Does `work` with every conversion of the run as it comes.
+fn each_conversion(
+    session: &Session,
+    mut work: impl FnMut(&Conversion) -> Result<(), EngineError>,
+) -> Result<(), Failure> {
+    let mut reader = session.reader(Role::Emulated, Conversions).map_err(lost)?;
+    while let Some(record) = reader.next().map_err(lost)? {
+        work(&from_link(&record)).map_err(engine_failure)?;
+    }
+    Ok(())
 }
 
 /// What an engine's failure means: the link's own errors stay what they are.
-fn engine_failure(error: cardan_bench::EngineError) -> Failure {
+fn engine_failure(error: EngineError) -> Failure {
     match error {
-        cardan_bench::EngineError::Input(message) => Failure::input(message),
-        cardan_bench::EngineError::Link(error) => Failure::participant(error),
+        EngineError::Input(message) => Failure::input(message),
+        EngineError::Link(error) => Failure::participant(error),
     }
 }
 

@@ -7,7 +7,7 @@ use cardan_link::stream::{Frames, Nodes, RealNodes, Statuses};
 use cardan_link::{LinkError, NodeReal, NodeWord, Role, Session, Status, Writer};
 use cardan_numerics::tape::Expected;
 
-use super::{SUMMARY, configuration, conversions, engine_failure, feed, lost, node_index};
+use super::{SUMMARY, configuration, each_conversion, lost, node_index};
 use crate::failure::Failure;
 
 struct Words {
@@ -89,7 +89,8 @@ impl Sink for Model {
     }
 }
 
-/// Runs the firmware natively on the codes.
+/// Runs the firmware natively on the codes, and its real interpretation beside it, conversion by
+/// conversion as they come.
 pub(crate) fn run(
     session: Session,
     app: &'static dyn App,
@@ -97,31 +98,27 @@ pub(crate) fn run(
 ) -> Result<(), Failure> {
     let mut blobs_in = session.blob_reader(Role::Emulated).map_err(lost)?;
     let configuration = configuration(&mut blobs_in)?;
-    let conversions = conversions(&session)?;
     let mut words = Words {
         nodes: session.writer(Nodes).map_err(lost)?,
         frames: session.writer(Frames).map_err(lost)?,
     };
-    let mut engine = app
+    let mut model = Model::new(&session).map_err(lost)?;
+    let mut native = app
         .native(&configuration, formats)
         .map_err(Failure::input)?;
-    let summary = engine
-        .run(&mut feed(&conversions), &mut words)
-        .map_err(engine_failure)?;
-    words.nodes.finish().map_err(lost)?;
-    words.frames.finish().map_err(lost)?;
-
-    let mut model = Model::new(&session).map_err(lost)?;
-    let mut engine = app
+    let mut expectation = app
         .expectation(&configuration, formats)
         .map_err(Failure::input)?;
-    engine
-        .run(&mut feed(&conversions), &mut model)
-        .map_err(engine_failure)?;
+    each_conversion(&session, |conversion| {
+        native.conversion(conversion, &mut words)?;
+        expectation.conversion(conversion, &mut model)
+    })?;
+    words.nodes.finish().map_err(lost)?;
+    words.frames.finish().map_err(lost)?;
     model.finish().map_err(lost)?;
 
     let mut blobs = session.blob_writer().map_err(lost)?;
-    let text = serde_json::to_vec(&summary).map_err(Failure::participant)?;
+    let text = serde_json::to_vec(&native.summary()).map_err(Failure::participant)?;
     blobs.send(SUMMARY, &text).map_err(lost)?;
     blobs.finish().map_err(lost)?;
     session.close().map(drop).map_err(lost)

@@ -114,7 +114,7 @@ impl Tape {
 }
 
 /// Adds what a step took from outside. A port that the step did not use is 0 in it.
-fn keep(inputs: &mut Inputs, seen: &StepSeen) {
+pub(super) fn keep(inputs: &mut Inputs, seen: &StepSeen) {
     fn add<T: Copy + Default>(ports: &mut Vec<Vec<T>>, taken: &[T], steps: usize) {
         if ports.len() < taken.len() {
             ports.resize(taken.len(), vec![T::default(); steps]);
@@ -297,15 +297,19 @@ fn is_equal(a: &[Line], b: &[Line]) -> bool {
 
 /// Equal in everything: constants and tables bit for bit.
 fn is_same(a: &Line, b: &Line) -> bool {
+    a.0 == b.0 && is_same_operation(&a.1, &b.1)
+}
+
+/// Equal in everything but the node: constants and tables bit for bit.
+pub(super) fn is_same_operation<R: PartialEq>(a: &Op<R>, b: &Op<R>) -> bool {
     let bits = |a: &f64, b: &f64| a.to_bits() == b.to_bits();
-    a.0 == b.0
-        && match (&a.1, &b.1) {
-            (Op::Constant(a), Op::Constant(b)) => bits(a, b),
-            (Op::Lookup(a, first), Op::Lookup(b, second)) => {
-                let is_one = std::ptr::eq(*first, *second);
-                let pairs = || first.iter().zip(*second).all(|(a, b)| bits(a, b));
-                a == b && (is_one || first.len() == second.len() && pairs())
-            }
-            (a, b) => a == b,
+    match (a, b) {
+        (Op::Constant(a), Op::Constant(b)) => bits(a, b),
+        (Op::Lookup(a, first), Op::Lookup(b, second)) => {
+            let is_one = std::ptr::eq(*first, *second);
+            let pairs = || first.iter().zip(*second).all(|(a, b)| bits(a, b));
+            a == b && (is_one || first.len() == second.len() && pairs())
         }
+        (a, b) => a == b,
+    }
 }

@@ -1,6 +1,7 @@
 //! Step-by-step runs of a tape over any domain of values.
 
 use std::collections::VecDeque;
+use std::ops::Deref;
 
 use super::{Entry, Inputs, Op, Ref, Tape};
 
@@ -17,9 +18,9 @@ pub trait Domain {
     fn apply(&mut self, node: usize, op: Op<&Self::Item>) -> Self::Item;
 }
 
-/// Runs a tape step by step.
-pub struct Runner<'a, D: Domain> {
-    tape: &'a Tape,
+/// Runs a tape, borrowed or shared, step by step.
+pub struct Runner<T, D: Domain> {
+    tape: T,
     memory: usize,
     step: usize,
     before: Vec<D::Item>,
@@ -27,11 +28,11 @@ pub struct Runner<'a, D: Domain> {
     steps: VecDeque<Vec<D::Item>>,
 }
 
-impl<'a, D: Domain> Runner<'a, D> {
+impl<T: Deref<Target = Tape> + Clone, D: Domain> Runner<T, D> {
     /// Computes what stands before the first step.
-    pub fn new(tape: &'a Tape, domain: &mut D) -> Self {
+    pub fn new(tape: T, domain: &mut D) -> Self {
         let mut runner = Self {
-            tape,
+            tape: tape.clone(),
             memory: tape.memory(),
             step: 0,
             before: Vec::new(),
@@ -56,7 +57,7 @@ impl<'a, D: Domain> Runner<'a, D> {
             self.steps.pop_front();
         }
         self.steps.push_back(Vec::new());
-        let tape = self.tape;
+        let tape = self.tape.clone();
         for entry in tape.body(self.step) {
             let raw = |port: u32| inputs.raws[port as usize][at];
             let truth = |port: u32| inputs.truths[port as usize][at];

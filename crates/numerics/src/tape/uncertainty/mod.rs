@@ -17,6 +17,8 @@ mod operations;
 mod propagation;
 mod span;
 
+use std::ops::Deref;
+
 use cardan_datapath::Format;
 
 use self::propagation::Propagation;
@@ -109,19 +111,19 @@ impl Uncertain {
 }
 
 /// Runs a tape and gives what fixed point may make of each write.
-pub struct Uncertainty<'a> {
-    tape: &'a Tape,
-    propagation: Propagation<'a>,
-    runner: Runner<'a, Propagation<'a>>,
+pub struct Uncertainty<T> {
+    tape: T,
+    propagation: Propagation,
+    runner: Runner<T, Propagation>,
     /// What steps look back at: how many steps ago, and which operation. Each is a source of its own.
     carried: Vec<(usize, usize)>,
     step: usize,
 }
 
-impl<'a> Uncertainty<'a> {
+impl<T: Deref<Target = Tape> + Clone> Uncertainty<T> {
     /// Of `tape` computed in `formats`, one per node; `domain_flag` is the arithmetic's own status bit.
     #[must_use]
-    pub fn new(tape: &'a Tape, formats: &'a [Format], domain_flag: u16) -> Self {
+    pub fn new(tape: T, formats: &[Format], domain_flag: u16) -> Self {
         let bodies = tape.transient.iter().chain([&tape.steady]);
         let operands = bodies.flatten().flat_map(|entry| entry.op.operands());
         let mut carried: Vec<(usize, usize)> = operands
@@ -133,7 +135,7 @@ impl<'a> Uncertainty<'a> {
         carried.sort_unstable();
         carried.dedup();
         let mut propagation = Propagation {
-            formats,
+            formats: formats.to_vec(),
             domain_flag,
             sources: carried.len(),
             operations: 0,
@@ -141,7 +143,7 @@ impl<'a> Uncertainty<'a> {
             certain: 0,
             possible: 0,
         };
-        let runner = Runner::new(tape, &mut propagation);
+        let runner = Runner::new(tape.clone(), &mut propagation);
         Self {
             tape,
             propagation,

@@ -28,7 +28,7 @@ fn weighted(a: &[f64], by_a: f64, b: &[f64], by_b: f64) -> Vec<f64> {
     sum
 }
 
-impl Propagation<'_> {
+impl Propagation {
     /// a + by b.
     fn sum(&mut self, node: usize, a: &Uncertain, b: &Uncertain, by: f64) -> Uncertain {
         let item = Uncertain {
@@ -267,7 +267,7 @@ impl Propagation<'_> {
     }
 }
 
-impl Domain for Propagation<'_> {
+impl Domain for Propagation {
     type Item = Uncertain;
 
     fn input(&mut self, node: usize, _port: usize, raw: i32, frac: i32) -> Uncertain {
@@ -288,7 +288,7 @@ impl Domain for Propagation<'_> {
     }
 }
 
-impl Propagation<'_> {
+impl Propagation {
     fn compute(&mut self, node: usize, op: Op<&Uncertain>) -> Uncertain {
         match op {
             Op::Input { .. } | Op::External { .. } => Uncertain::default(),

@@ -43,8 +43,8 @@ fn is_multiple(value: f64, frac: u32) -> bool {
 }
 
 /// The error-propagating interpretation.
-pub(super) struct Propagation<'a> {
-    pub(super) formats: &'a [Format],
+pub(super) struct Propagation {
+    pub(super) formats: Vec<Format>,
     pub(super) domain_flag: u16,
     /// Sources of this step so far; the first are what earlier steps left.
     pub(super) sources: usize,
@@ -56,7 +56,7 @@ pub(super) struct Propagation<'a> {
     pub(super) possible: u16,
 }
 
-impl Propagation<'_> {
+impl Propagation {
     /// Adds an independent error to a spread.
     pub(super) fn add_source(&mut self, spread: &mut Vec<f64>, deviation: f64) {
         if deviation > 0.0 {
