@@ -14,5 +14,6 @@ pub mod image;
 
 pub use app::App;
 pub use engine::{
-    Conversion, Conversions, Device, Engine, EngineError, Sink, SinkError, Summary, ThirdTilt, Truth,
+    Conversion, Conversions, Device, Engine, EngineError, Sink, SinkError, Summary, ThirdTilt,
+    Truth,
 };

@@ -42,12 +42,10 @@ fn run(
         .emulated(scenario, seed, seconds, &setup.firmware)
         .map_err(Failure::input)?;
     let mut kept = Kept::default();
-    let summary = engine
-        .run(&mut kept)
-        .map_err(|error| match error {
-            EngineError::Input(message) => Failure::input(message),
-            EngineError::Link(error) => Failure::participant(error),
-        })?;
+    let summary = engine.run(&mut kept).map_err(|error| match error {
+        EngineError::Input(message) => Failure::input(message),
+        EngineError::Link(error) => Failure::participant(error),
+    })?;
     if let Some(crash) = summary.crash {
         return Err(Failure::input(format!(
             "{}: the emulated program crashed: {crash}; give a working image",

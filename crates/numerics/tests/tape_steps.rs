@@ -4,7 +4,7 @@
 mod common;
 
 use cardan_datapath::{Arithmetic, Constant, DEFAULT_DOMAIN_FLAG, Format, Table, Value};
-use cardan_numerics::tape::{Op, Ref, Tape, TraceError};
+use cardan_numerics::tape::{Follower, Inputs, Op, Ref, Tape, TraceError};
 use cardan_numerics::trial::Trial;
 use cardan_numerics::{Algorithm, Datapath, Formats, Steps, record};
 use common::{At, NODES, deployed};
@@ -367,4 +367,78 @@ fn a_run_may_end_within_the_start_up() {
         ))
         .is_empty()
     );
+}
+
+/// Adds the ports of one step; one that was not used is 0.
+fn add<T: Copy + Default>(all: &mut Vec<Vec<T>>, taken: &[Vec<T>], steps: usize) {
+    if all.len() < taken.len() {
+        all.resize(taken.len(), vec![T::default(); steps]);
+    }
+    for (at, series) in all.iter_mut().enumerate() {
+        series.push(taken.get(at).map_or(T::default(), |port| port[0]));
+    }
+}
+
+/// What `algorithm`, rehearsed on `rehearsal`, takes in each of `steps`; or why it is refused.
+fn follow<A: Datapath>(
+    algorithm: A,
+    rehearsal: &[Vec<i32>],
+    steps: &[Vec<i32>],
+) -> Result<Inputs, TraceError> {
+    let mut follower = Follower::new(algorithm, rehearsal, 4096)?;
+    let mut all = Inputs::default();
+    for step in steps {
+        let taken = follower.step(step)?;
+        add(&mut all.raws, &taken.raws, all.steps);
+        add(&mut all.truths, &taken.truths, all.steps);
+        all.steps += taken.steps;
+    }
+    Ok(all)
+}
+
+#[test]
+fn a_followed_algorithm_takes_what_a_recorded_one_takes() {
+    for delay in [1, 16, 1000] {
+        let steps = noise(2 * delay + 50);
+        let (_, recorded) = Tape::record(&Comb { delay }, &steps).expect("is recorded");
+        let followed = follow(Comb { delay }, &noise(3), &steps).expect("is followed");
+        assert_eq!(followed, recorded, "{delay}");
+    }
+    let steps = noise(400);
+    for what in ALL {
+        let change = || Change {
+            what,
+            when: |step, _| step >= 100,
+        };
+        let (_, recorded) = Tape::record(&change(), &steps).expect("is recorded");
+        let followed = follow(change(), &noise(3), &steps).expect("is followed");
+        assert_eq!(followed, recorded, "{what:?}");
+    }
+}
+
+/// The rehearsal does not see it: it is found in the step that does it.
+#[test]
+fn what_changes_with_an_input_is_refused_while_it_is_followed() {
+    for what in ALL {
+        for loud in [0, 3, 150, 299] {
+            let mut steps = vec![vec![100]; 300];
+            steps[loud] = vec![900];
+            let change = Change {
+                what,
+                when: |_, input| input > 500,
+            };
+            match follow(change, &[vec![0], vec![100]], &steps) {
+                Err(TraceError::OtherPath { step, .. }) => {
+                    // What a step leaves to the next shows there.
+                    assert!(
+                        (loud..=loud + 1).contains(&step),
+                        "{what:?}: {step}, {loud}"
+                    );
+                }
+                // Both delays find the same constant before the first step.
+                Ok(_) if what == What::Delay && loud == 0 => {}
+                other => panic!("{what:?} at {loud}: {other:?}"),
+            }
+        }
+    }
 }

@@ -130,9 +130,7 @@ pub(crate) fn run(session: Session, setup: &Setup, signals: &[Signal]) -> Result
             })
             .map_err(lost)?;
     }
-    let summary = engine
-        .run(&mut publisher)
-        .map_err(engine_failure)?;
+    let summary = engine.run(&mut publisher).map_err(engine_failure)?;
     let Publisher {
         conversions,
         nodes,
