@@ -246,17 +246,31 @@ fn an_old_dump_stays_until_the_new_one_is_complete_whoever_ends_the_run() {
     }
 }
 
+/// A disk of so many KiB at `disk`, if this user may mount one.
+fn mounts(disk: &Path, kib: u32) -> bool {
+    fs::create_dir(disk).expect("made");
+    let size = format!("size={kib}k");
+    let mounted = Command::new("mount")
+        .args(["-t", "tmpfs", "-o", &size, "tmpfs", text(disk)])
+        .stderr(Stdio::null())
+        .status();
+    let is_mounted = mounted.is_ok_and(|status| status.success());
+    if !is_mounted {
+        eprintln!("NOT RUN: a small disk can be mounted by root only");
+    }
+    is_mounted
+}
+
+fn unmount(disk: &Path) {
+    let unmounted = Command::new("umount").arg(disk).status();
+    assert!(unmounted.expect("umount runs").success());
+}
+
 #[test]
 fn a_disk_that_runs_full_keeps_the_old_file_and_nothing_of_the_new_one() {
     let folder = TempDir::new().expect("a folder");
     let disk = folder.path().join("disk");
-    fs::create_dir(&disk).expect("made");
-    let mounted = Command::new("mount")
-        .args(["-t", "tmpfs", "-o", "size=256k", "tmpfs", text(&disk)])
-        .stderr(Stdio::null())
-        .status();
-    if !mounted.is_ok_and(|status| status.success()) {
-        eprintln!("NOT RUN: a small disk can be mounted by root only");
+    if !mounts(&disk, 256) {
         return;
     }
     let file = disk.join("dump.csv");
@@ -264,9 +278,50 @@ fn a_disk_that_runs_full_keeps_the_old_file_and_nothing_of_the_new_one() {
     let output = run(&["compare", "--seconds", "4", "--dump", text(&file)]);
     let left = names(&disk);
     let old = fs::read(&file);
-    let unmounted = Command::new("umount").arg(&disk).status();
+    unmount(&disk);
     assert_refused(&output, &["--dump", "No space left"]);
     assert_eq!(left, ["dump.csv"]);
     assert_eq!(old.expect("there"), b"old");
-    assert!(unmounted.expect("umount runs").success());
+}
+
+/// The search's result does not need its journal, which was asked for all the same.
+#[test]
+fn a_journal_that_cannot_be_written_is_an_error_behind_the_whole_result() {
+    let folder = TempDir::new().expect("a folder");
+    let disk = folder.path().join("disk");
+    if !mounts(&disk, 8) {
+        return;
+    }
+    let journal = disk.join("search.journal");
+    let out = folder.path().join("tuned.toml");
+    let search = [
+        "tune",
+        "--quiet",
+        "--seconds",
+        "1",
+        "--runs",
+        "1",
+        "--evaluations",
+        "150",
+        "--fresh",
+        "0",
+        "--budget",
+        "attitude.rms<=0.05",
+    ];
+    let files = ["--journal", text(&journal), "--out", text(&out)];
+    let output = run(&[&search[..], &files].concat());
+    unmount(&disk);
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8_lossy(&output.stderr);
+    for part in [
+        "--journal",
+        "search.journal",
+        "No space left",
+        "another disk",
+    ] {
+        assert!(told.contains(part), "{part}: {told}");
+    }
+    assert!(String::from_utf8_lossy(&output.stdout).contains("uniform"));
+    let tuned = fs::read_to_string(&out).expect("written");
+    assert!(tuned.contains("[tuned]"), "{tuned}");
 }

@@ -229,4 +229,7 @@ pub struct Outcome {
     pub ranges: Vec<NodeRange>,
     /// What the user should know.
     pub warnings: Vec<String>,
+    /// Why the journal does not hold all that was evaluated; the result is whole all the same.
+    #[serde(skip)]
+    pub journal_lost: Option<String>,
 }

@@ -7,6 +7,7 @@ use cardan_compare::{Reason, Report, Verdict};
 use serde_json::Value;
 
 use crate::failure::Failure;
+use crate::files;
 use crate::run_options::Setup;
 
 /// Length of runs whose figures are compared: they may differ by this share.
@@ -25,8 +26,7 @@ pub(super) struct Baseline(Value);
 pub(super) fn read(file: &Path) -> Result<Baseline, Failure> {
     let name = file.display();
     let expected = "expected what `cardan compare --json` wrote";
-    let text = std::fs::read(file)
-        .map_err(|error| Failure::input(format!("--baseline {name}: cannot be read: {error}")))?;
+    let text = files::read(file)?;
     let document: Value = serde_json::from_slice(&text)
         .map_err(|error| Failure::input(format!("--baseline {name}: {expected}: {error}")))?;
     if !document["nodes"].is_array() || !document["scenario"].is_string() {

@@ -213,6 +213,13 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         output.document(&document)?;
     }
     output.result(&table::render(&outcome, output.style()))?;
+    if let (Some(what), Some(file)) = (&outcome.journal_lost, &arguments.journal) {
+        return Err(Failure::input(format!(
+            "--journal {}: cannot be written: {what}; the result above is whole, but the search cannot be \
+             resumed from this file: make room, or give a file on another disk",
+            file.display()
+        )));
+    }
     Ok(ExitCode::from(if passes { code::PASS } else { code::FAIL }))
 }
 

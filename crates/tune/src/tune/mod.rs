@@ -197,9 +197,7 @@ impl Run<'_> {
         if found.feasible {
             pareto = self.pareto(&mut ladder, found.margin, progress)?;
         }
-        let journal_problem = ladder.journal.as_ref().and_then(Journal::problem);
-        self.warnings
-            .extend(journal_problem.map(|what| format!("the journal is not kept: {what}")));
+        let journal_lost = ladder.journal.as_ref().and_then(Journal::problem);
         let mut best = self.candidate("best", &found.formats);
         let uniform = self
             .uniform_at(found.margin)
@@ -268,6 +266,7 @@ impl Run<'_> {
             sensitivities: sensitivities(self.problem, &found.formats, true, self.options.seed),
             ranges: ranges.nodes.clone(),
             warnings: std::mem::take(&mut self.warnings),
+            journal_lost,
         })
     }
 
