@@ -43,6 +43,41 @@ fn the_main_job_passes_with_a_thousand_solutions_and_every_bit_equal() {
     assert_eq!(document["link"]["lost"], 0);
 }
 
+/// A scenario's limits are wider in a shorter run; a limit that the user states is that limit.
+#[test]
+fn a_limit_that_is_stated_for_a_run_is_not_widened_however_short_it_is() {
+    let judged = |set: Option<&str>| -> Value {
+        let short = ["compare", "--json", "--quiet", "--seconds", "4"];
+        let set = set.map(|set| vec!["--set", set]).unwrap_or_default();
+        let output = run(&[&short[..], &set].concat());
+        serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", stderr(&output)))
+    };
+    let is = |value: &Value, expected: f64| {
+        let value = value.as_f64().expect("a number");
+        (value / expected - 1.0).abs() < 1e-12
+    };
+    let own = judged(None);
+    let rms = own["attitude"]["total"]["rms_deg"].as_f64().expect("known");
+    let own_truth = &own["limits"]["truth"];
+    assert_eq!(own["verdict"], "pass");
+    assert!(is(&own["limits"]["widening"], 3_f64.sqrt()));
+    assert!(own_truth["rms_deg"].as_f64().expect("set") > rms);
+    for (factor, verdict) in [(1.01, "pass"), (0.99, "fail")] {
+        let stated = judged(Some(&format!("tolerance.truth.rms_deg={}", factor * rms)));
+        assert!(is(&stated["limits"]["truth"]["rms_deg"], factor * rms));
+        assert_eq!(
+            stated["limits"]["truth"]["p99_deg"], own_truth["p99_deg"],
+            "not stated"
+        );
+        assert_eq!(stated["verdict"], verdict, "{}", stated["reasons"]);
+    }
+    let stage = judged(Some("tolerance.stages.adc_deg=0.07"));
+    let adc = stage["error_budget"]["adc"].as_f64().expect("known");
+    assert!(adc > 0.07, "{adc}");
+    assert!(is(&stage["limits"]["stages_deg"]["adc"], 0.07));
+    assert_eq!(stage["verdict"], "fail");
+}
+
 #[test]
 fn without_noise_the_attitude_is_right_to_0_3_degrees() {
     let document = document(&["compare", "--json", "--quiet", "--scenario", "tumble-quiet"]);

@@ -399,6 +399,7 @@ fn dialects_of_dumps_and_tables_mean_the_same() {
             "\u{feff}".to_owned() + &head("1us") + "#3125 1!\n#6250 0!\n",
         ),
         ("vector", vector.to_owned()),
+        ("256 scopes", nested(256)),
     ];
     for (name, dump) in dumps {
         let file = write(&folder, "dialect.vcd", dump);
@@ -415,6 +416,16 @@ fn dialects_of_dumps_and_tables_mean_the_same() {
         let file = write(&folder, "dialect.csv", content);
         assert_eq!(followed(folder.path(), &file), expected, "{name}");
     }
+}
+
+/// PD2 inside so many scopes; the same inputs as elsewhere.
+fn nested(scopes: usize) -> String {
+    format!(
+        "$timescale 1 us $end {} $var wire 1 ! PD2 $end {} $enddefinitions $end\n\
+         $dumpvars\n0!\n$end\n#3125 1!\n#6250 0!\n",
+        "$scope module a $end ".repeat(scopes),
+        "$upscope $end ".repeat(scopes)
+    )
 }
 
 #[test]
@@ -439,6 +450,7 @@ fn what_no_input_can_be_is_refused_with_its_place() {
                 .to_owned(),
             &["PB0", "real"],
         ),
+        (nested(257), &["nested deeper than 256", "dump of a design"]),
         (format!("{one}#0 b10 !\n"), &["line 2", "2 bits"]),
         (format!("{one}#0\n1!\n$attribute\n"), &["line 4", "command"]),
         (

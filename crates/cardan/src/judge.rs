@@ -113,6 +113,7 @@ pub(crate) fn without_shares(
         most_flagged: most_flagged(&widened),
         tuned: setup.tuned.as_ref().map(tuned_to),
         truth_tolerance,
+        widening: ScenarioTolerance::widening(setup.seconds, setup.scenario.seconds),
         emulator: EmulatorStatistics {
             cycles: summary.cycles,
             instructions: summary.instructions,
@@ -155,10 +156,11 @@ fn output_latency_ms(collected: &Collected) -> Option<f64> {
     (count > 0.0).then(|| latencies.iter().sum::<f64>() / count)
 }
 
-/// The scenario's limits, which are stated for its own length.
+/// The scenario's limits, which are stated for its own length, and those stated for this run.
 fn widened(setup: &Setup) -> ScenarioTolerance {
     let scenario = &setup.scenario;
-    scenario.tolerance.of_run(setup.seconds, scenario.seconds)
+    let exact: Vec<&str> = setup.stated.iter().map(String::as_str).collect();
+    (scenario.tolerance).of_run(setup.seconds, scenario.seconds, &exact)
 }
 
 /// What each stage before the firmware did by itself.

@@ -86,6 +86,8 @@ pub(crate) struct Setup {
     pub(crate) stale: Option<String>,
     /// Why the limits of the bundled scenario do not apply.
     pub(crate) not_judged: Option<String>,
+    /// Keys of the limits that were stated for this run, which stay as they are however long it is.
+    pub(crate) stated: Vec<String>,
     /// What the formats were tuned to, as their file says.
     pub(crate) tuned: Option<Tuned>,
     /// Hash of the formats in use.
@@ -182,6 +184,7 @@ impl RunOptions {
             formats,
             tuned,
             not_judged: changed,
+            stated: self.set.iter().map(|(key, _)| key.clone()).collect(),
             formats_hash,
             seconds,
             seed: self.seed,

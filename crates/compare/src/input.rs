@@ -35,6 +35,8 @@ pub struct Comparison {
     pub attitudes: Attitudes,
     /// Limits on the error against truth, if the scenario sets any.
     pub truth_tolerance: Option<TruthTolerance>,
+    /// By which factor the scenario's limits are wider than stated, since the run is shorter; at least 1.
+    pub widening: f64,
     /// What the checkout's firmware sources say of the image and of this program, where they are others
     /// than both were made of; with the command that mends it.
     pub stale: Option<String>,
@@ -195,7 +197,7 @@ pub struct Tolerance {
 }
 
 /// Limits on the total attitude error against truth over solutions without flags, in degrees.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct TruthTolerance {
     /// On the root mean square.
     pub rms_deg: Option<f64>,

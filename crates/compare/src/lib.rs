@@ -67,5 +67,5 @@ pub use messages::{FlagCount, OutputReport, Statistics};
 pub use metrics::{Difference, Normalised, Violation};
 pub use nodes::{NodeReport, NodeStatus, Occurrence};
 pub use reason::Reason;
-pub use report::{Report, compare};
+pub use report::{Limits, Report, compare};
 pub use verdict::Verdict;

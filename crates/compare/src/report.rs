@@ -8,7 +8,9 @@ use crate::attitude::{AttitudeErrors, errors};
 use crate::bits::FrameComparison;
 use crate::budget::{BudgetDetail, ErrorBudget, budget};
 use crate::cause;
-use crate::input::{Assumed, Comparison, EmulatorStatistics, LinkStatistics, Reproduce, Series};
+use crate::input::{
+    Assumed, Comparison, EmulatorStatistics, LinkStatistics, Reproduce, Series, TruthTolerance,
+};
 use crate::messages::{self, FlagCount, OutputReport};
 use crate::nodes::{self, NodeReport};
 use crate::reason::Reason;
@@ -67,10 +69,40 @@ pub struct Report {
     pub taps: bool,
     /// What the checkout's firmware sources say of the image, where it was made of others.
     pub stale: Option<String>,
+    /// The limits by which truth, stages and flagged share were judged.
+    pub limits: Limits,
     /// Parameters that are assumed.
     pub assumed: Vec<Assumed>,
     /// How to run it again.
     pub reproduce: Reproduce,
+}
+
+/// Limits of truth, stages and flagged share; null where none is set.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Limits {
+    /// Of the rotation from the truth.
+    pub truth: Option<TruthTolerance>,
+    /// Of the rms rotation of parts of the error budget, in degrees.
+    #[serde(serialize_with = "as_map")]
+    pub stages_deg: Vec<(String, f64)>,
+    /// Of the share of solutions with status bits.
+    pub most_flagged: Option<f64>,
+    /// By which factor those of the scenario are wider than it states, since the run is shorter.
+    pub widening: f64,
+}
+
+impl Limits {
+    fn of(comparison: &Comparison) -> Self {
+        let stages = comparison.stage_limits.iter();
+        Self {
+            truth: comparison.truth_tolerance,
+            stages_deg: stages
+                .map(|(name, limit)| (name.clone(), limit.most))
+                .collect(),
+            most_flagged: comparison.most_flagged.as_ref().map(|limit| limit.most),
+            widening: comparison.widening,
+        }
+    }
 }
 
 /// Compares the participants and judges.
@@ -146,6 +178,7 @@ pub fn compare(comparison: &Comparison) -> Report {
         attitude_vs_golden,
         error_budget_detail,
         stale: comparison.stale.clone(),
+        limits: Limits::of(comparison),
         assumed: comparison.assumed.clone(),
         reproduce: comparison.reproduce.clone(),
     }
@@ -180,8 +213,8 @@ fn flagged(device: &Series, comparison: &Comparison) -> Vec<(String, AttitudeErr
         .collect()
 }
 
-fn as_map<S: Serializer>(
-    entries: &[(String, AttitudeErrors)],
+fn as_map<T: Serialize, S: Serializer>(
+    entries: &[(String, T)],
     serializer: S,
 ) -> Result<S::Ok, S::Error> {
     let mut map = serializer.serialize_map(Some(entries.len()))?;

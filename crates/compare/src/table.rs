@@ -188,7 +188,50 @@ fn attitude(out: &mut String, report: &Report, style: Style) {
         let text = "No reference attitude: nothing to compare with truth.";
         prose(out, "", 2, text, style);
     }
+    if let Some(truth) = &report.limits.truth {
+        let limits = [
+            ("rms", truth.rms_deg),
+            ("99 %", truth.p99_deg),
+            ("max", truth.max_deg),
+        ];
+        let limits = limits
+            .iter()
+            .filter_map(|&(name, limit)| Some((name, limit?)));
+        stated(out, "limits of truth, total", limits, report, style);
+    }
     out.push('\n');
+}
+
+/// The limits by which figures were judged.
+fn stated<'a>(
+    out: &mut String,
+    of: &str,
+    limits: impl Iterator<Item = (&'a str, f64)>,
+    report: &Report,
+    style: Style,
+) {
+    let limits: Vec<String> = limits
+        .map(|(name, limit)| format!("{name} {}", number(limit)))
+        .collect();
+    if limits.is_empty() {
+        return;
+    }
+    let widening = report.limits.widening;
+    let wider = if widening > 1.0 {
+        format!(
+            " (the scenario's own are wider by {} here, since the run is shorter than it)",
+            number(widening)
+        )
+    } else {
+        String::new()
+    };
+    prose(
+        out,
+        "",
+        2,
+        &format!("{of}: {}{wider}", limits.join(", ")),
+        style,
+    );
 }
 
 fn spread_row(against: &str, angle: &str, spread: &Spread) -> Vec<String> {
@@ -236,6 +279,9 @@ fn budget(out: &mut String, report: &Report, style: Style) {
         );
         prose(out, "", 2, &text, style);
     }
+    let limits = report.limits.stages_deg.iter();
+    let limits = limits.map(|(name, limit)| (name.as_str(), *limit));
+    stated(out, "limits of rotation", limits, report, style);
     out.push('\n');
 }
 
@@ -268,6 +314,17 @@ fn machine(out: &mut String, report: &Report, style: Style) {
         report.frames.mismatches,
     );
     prose(out, "", 2, &text, style);
+    if let Some(most) = report.limits.most_flagged {
+        let flagged = report.solutions - report.unflagged_solutions;
+        let share = flagged as f64 / (report.solutions as f64).max(1.0);
+        let text = format!(
+            "flagged solutions {}, {}; at most {}",
+            count(flagged),
+            percent(share),
+            percent(most)
+        );
+        prose(out, "", 2, &text, style);
+    }
     let text = format!(
         "link: {} messages, {} bytes, {} lost; {} times real time",
         count(link.messages),

@@ -152,13 +152,14 @@ impl Tolerance {
     }
 
     /// Limits for a run of `seconds` of a scenario of `stated` seconds. Statistics of a shorter run
-    /// scatter more, by the root of how much shorter it is.
+    /// scatter more, by the root of how much shorter it is ([`Tolerance::widening`]); the limits with the
+    /// full keys `exact` were stated for this very run and stay.
     #[must_use]
-    pub fn of_run(&self, seconds: f64, stated: f64) -> Self {
-        let factor = (stated / seconds).sqrt().max(1.0);
+    pub fn of_run(&self, seconds: f64, stated: f64, exact: &[&str]) -> Self {
+        let factor = Self::widening(seconds, stated);
         let mut tolerance = self.clone();
         for (key, limit, most, _) in tolerance.limits() {
-            if key != "tolerance.status.least_unflagged_s" {
+            if key != "tolerance.status.least_unflagged_s" && !exact.contains(&key) {
                 *limit = limit.map(|limit| (factor * limit).min(most));
             }
         }
@@ -168,6 +169,12 @@ impl Tolerance {
             tolerance.status.most_flagged = Some(most.min(share.max(0.0)));
         }
         tolerance
+    }
+
+    /// By which factor a scenario's limits are wider in a shorter run.
+    #[must_use]
+    pub fn widening(seconds: f64, stated: f64) -> f64 {
+        (stated / seconds).sqrt().max(1.0)
     }
 
     /// Sets the limit of that full key; false if there is none.

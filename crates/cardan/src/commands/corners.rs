@@ -89,7 +89,10 @@ fn with_limits(run: &RunOptions) -> Result<RunOptions, Failure> {
         return Ok(run);
     }
     let scenario = Scenario::load(&run.scenario).map_err(Failure::input)?;
-    let (truth, status) = (&scenario.tolerance.truth, &scenario.tolerance.status);
+    let seconds = run.seconds.unwrap_or(scenario.seconds);
+    // The command that runs a corner again states them, and then they are taken as they are.
+    let tolerance = scenario.tolerance.of_run(seconds, scenario.seconds, &[]);
+    let (truth, status) = (&tolerance.truth, &tolerance.status);
     for (key, limit) in [
         ("tolerance.truth.rms_deg", truth.rms_deg),
         ("tolerance.truth.p99_deg", truth.p99_deg),

@@ -246,6 +246,7 @@ pub(crate) fn comparison(solutions: usize) -> Comparison {
             deployed,
         },
         truth_tolerance: None,
+        widening: 1.0,
         emulator: EmulatorStatistics {
             cycles: solutions as u64 * 128_000,
             instructions: solutions as u64 * 41_000,
