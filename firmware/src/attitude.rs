@@ -1,6 +1,6 @@
 //! The attitude: calibration, both Cardan solutions, their weighted mean, validity.
 //!
-//! Equations: sensors reference, sections 7.2 (set 1, Z-Y-X), 7.3 (set 2, Z-X-Y), 7.6 (weights), 7.7
+//! Equations: docs/sensors.md, sections 7.2 (set 1, Z-Y-X), 7.3 (set 2, Z-X-Y), 7.6 (weights), 7.7
 //! (domains). Letters: t1, t2 gravity along body x, y in g; b1, b2 field over |B|; h, v cosine and
 //! sine of the inclination; C, S cosine and sine of a heading. All angles are set 1's unless said.
 //! Sines and cosines come from the readings, never from angles.

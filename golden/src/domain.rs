@@ -1,6 +1,6 @@
 //! Total versions of operations with a restricted domain, which remember that it was left.
 //!
-//! Noise drives arguments out of their domains (sensors reference, 7.7): they are clamped, and only
+//! Noise drives arguments out of their domains (docs/sensors.md, 7.7): they are clamped, and only
 //! what noise does not explain is remembered.
 
 use cardan_spec::DOMAIN_MARGIN;

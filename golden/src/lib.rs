@@ -1,6 +1,6 @@
 //! The f64 golden model of the attitude sensor; knows nothing of fixed point.
 //!
-//! Written from the equations alone (sensors reference, section 7), never from the firmware: the
+//! Written from the equations alone (docs/sensors.md, section 7), never from the firmware: the
 //! two meet in `cardan-spec`, so that one mistake cannot hide in both. [`Golden`] is fed the
 //! conversions of the device, averages them, and [`solve()`] turns averages into an attitude. Each
 //! write of a node of [`cardan_spec::nodes::SHARED`] is reported to the caller in signal order.

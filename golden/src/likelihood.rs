@@ -3,7 +3,7 @@
 //! For Gaussian noise it minimises the sum of squared residuals over their variances, by
 //! Gauss-Newton steps on a small rotation of the body, damped (Levenberg-Marquardt) where a full
 //! step would not descend. It is what the closed-form solutions are measured against
-//! (sensors reference, 7.6); no device computes it.
+//! (docs/sensors.md, 7.6); no device computes it.
 
 use nalgebra::{Matrix3, Matrix4x3, Vector3, Vector4};
 

@@ -1,4 +1,4 @@
-//! The heading from the four readings, once per rotation order (sensors reference, 7.2 and 7.3).
+//! The heading from the four readings, once per rotation order (docs/sensors.md, 7.2 and 7.3).
 //!
 //! Both are written for the upright half-space. Sines and cosines of the tilt come from the readings
 //! and sqrt(1 - t^2), never from re-evaluated angles (7.7).

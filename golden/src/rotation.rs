@@ -1,6 +1,6 @@
 //! Attitudes as matrices, as angles of both rotation orders, and as the readings they cause.
 //!
-//! Source: sensors reference, section 7 (set 1 = Z-Y-X, set 2 = Z-X-Y; both name the same attitude
+//! Source: docs/sensors.md, section 7 (set 1 = Z-Y-X, set 2 = Z-X-Y; both name the same attitude
 //! with different angles).
 
 use cardan_spec::calibration::Calibration;

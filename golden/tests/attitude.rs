@@ -1,5 +1,5 @@
 //! Round trips of the golden model against rotation matrices that nalgebra makes, and the errata of
-//! the printed equations (sensors reference, 7.1).
+//! the printed equations (docs/sensors.md, 7.1).
 
 use cardan_golden::solve::{Memory, Third, calibrate, solve_readings};
 use cardan_golden::{

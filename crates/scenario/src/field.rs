@@ -26,7 +26,7 @@ impl EarthField {
     }
 }
 
-/// Sites by name (sensors reference, section 5: IGRF by ppigrf 2.1.0).
+/// Sites by name (docs/sensors.md, section 5: IGRF by ppigrf 2.1.0).
 pub const SITES: [(&str, EarthField); 3] = [
     (
         "montpellier-2008",

@@ -1,6 +1,6 @@
 //! Parameters of sensors, front end, converter and controller: `sensors.*`, `frontend`, `adc`, `controller`.
 //!
-//! Sources in brackets are those of the sensors reference (sections 1 to 3 and 6). The structures
+//! Sources in brackets are those of docs/sensors.md (sections 1 to 3 and 6). The structures
 //! are plain data; what they mean as physics stands in the `sensors` and `frontend` crates.
 
 use cardan_spec::timing::Averaging;

@@ -7,7 +7,7 @@
 /// Where a default value comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// Published; the text names the source as in the sensors reference.
+    /// Published; the text names the source as in docs/sensors.md.
     Published(&'static str),
     /// Typical or chosen; the text gives the reason.
     Assumed(&'static str),

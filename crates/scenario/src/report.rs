@@ -61,7 +61,7 @@ pub fn assumptions(scenario: &Scenario, trajectory: &Trajectory) -> Vec<Assumpti
                 "{}: {horizontal_ut} and {vertical_ut} uT",
                 scenario.field.site
             ),
-            source: "IGRF (sensors reference, section 5)".into(),
+            source: "IGRF (docs/sensors.md, section 5)".into(),
         });
     }
     all.push(calibration_assumption(scenario));

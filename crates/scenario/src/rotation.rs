@@ -1,14 +1,14 @@
 //! Rotation matrices and quaternions with `libm` inside, so that every host gives the same bits.
 //!
 //! Matrices map vectors of the reference frame (magnetic north, east, down) to body axes
-//! (sensors reference, section 7): v_body = M v_ref.
+//! (docs/sensors.md, section 7): v_body = M v_ref.
 
 use nalgebra::{Matrix3, Vector3};
 
 /// A unit quaternion (w, x, y, z).
 pub type Quaternion = [f64; 4];
 
-/// M = Rx(roll) Ry(pitch) Rz(yaw), set 1 of the sensors reference; angles in radians.
+/// M = Rx(roll) Ry(pitch) Rz(yaw), set 1 of docs/sensors.md; angles in radians.
 #[must_use]
 pub fn from_set_1(yaw: f64, pitch: f64, roll: f64) -> Matrix3<f64> {
     about_x(roll) * about_y(pitch) * about_z(yaw)

@@ -2,7 +2,7 @@
 //! the beam's motion, piezoresistive gauges feel it.
 //!
 //! y'' + (w/Q) y' + w^2 y = w^2 (S/Q) B drive(t), with y in volts of the gauge bridge and S the
-//! amplitude per field under a sine drive at resonance (sensors reference, section 2). The
+//! amplitude per field under a sine drive at resonance (docs/sensors.md, section 2). The
 //! displacement lags the force by a quarter period: it peaks at the edges of a square drive.
 
 use cardan_scenario::experience::{Experience, REFERENCE_K};

@@ -65,20 +65,20 @@ pub const MOST_CHANNELS: usize = Channel::MOST.len();
 pub const REFERENCE_V: f64 = 5.0;
 
 /// Specific force that drives a tilt channel to either rail, in g: 1 g, 50 mg of offset and a
-/// margin for motion (sensors reference, section 3).
+/// margin for motion (docs/sensors.md, section 3).
 pub const TILT_FULL_SCALE_G: f64 = 1.2;
 
 /// Field that drives a magnetometer channel to either rail, in microtesla: the Earth's field is at
-/// most 65 uT, at the reference site 46 uT (sensors reference, sections 3 and 5).
+/// most 65 uT, at the reference site 46 uT (docs/sensors.md, sections 3 and 5).
 pub const FIELD_FULL_SCALE_UT: f64 = 60.0;
 
 /// Arguments of the inverse functions are clamped to 1; beyond 1 plus this margin the solution is
 /// flagged. Three standard deviations of the heading cosine: the magnetometer's 0.16 uT/rtHz over
-/// the 34 Hz of its channel is 0.93 uT, 0.04 of a horizontal field of 24 uT (sensors reference,
+/// the 34 Hz of its channel is 0.93 uT, 0.04 of a horizontal field of 24 uT (docs/sensors.md,
 /// section 2).
 pub const DOMAIN_MARGIN: f64 = 1.0 / 8.0;
 
-/// Yaw is undefined, held and flagged when e1^2 + e2^2 is under this (sensors reference, 7.7).
+/// Yaw is undefined, held and flagged when e1^2 + e2^2 is under this (docs/sensors.md, 7.7).
 pub const YAW_LEAST_EAST_SQUARE: f64 = 0.01;
 
 /// The solution is flagged as outside the valid half-space when the squared cosine of the tilt is
@@ -106,5 +106,5 @@ pub const ACCELERATION_LIMIT: f64 = 0.25;
 /// The field is flagged as disturbed when the two expressions for the squared product of the
 /// vertical components of gravity and field, (sin I - b1 t1 - b2 t2)^2 and
 /// (1 - t1^2 - t2^2)(1 - b1^2 - b2^2), differ by more than this, in units of g^2 |B|^2
-/// (sensors reference, 7.4: four readings, three unknowns).
+/// (docs/sensors.md, 7.4: four readings, three unknowns).
 pub const FIELD_RESIDUAL_LIMIT: f64 = 0.15;

@@ -3,7 +3,7 @@
 //! The firmware has further nodes of its own (products, polynomial terms), which no other model
 //! knows; they are declared with the formats in `firmware/wordlengths.toml`. Letters: t1, t2 gravity along body x, y in g; b1, b2 field
 //! along body x, y over |B|; h, v = cos, sin of the inclination; set 1 = Z-Y-X (yaw, pitch, roll),
-//! set 2 = Z-X-Y (sensors reference, 7.2 and 7.3).
+//! set 2 = Z-X-Y (docs/sensors.md, 7.2 and 7.3).
 
 use crate::timing::Averaging;
 

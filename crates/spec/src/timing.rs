@@ -6,7 +6,7 @@ use crate::ThirdTilt;
 pub const CPU_HZ: u64 = 16_000_000;
 
 /// Half a carrier period in CPU cycles: Timer1 in CTC mode counts 0..=499 and each output toggles
-/// once per count. 16 kHz is the mechanical resonance of the magnetometer (sensors reference, 2).
+/// once per count. 16 kHz is the mechanical resonance of the magnetometer (docs/sensors.md, 2).
 pub const HALF_CARRIER_CYCLES: u64 = 500;
 
 /// The carrier in hertz.

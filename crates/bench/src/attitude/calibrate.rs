@@ -29,7 +29,7 @@ const SETTLE_S: f64 = WARM_UP_BLOCKS as f64 * BLOCK_CYCLES as f64 / CPU_HZ as f6
 const DELAY_S: f64 = 0.03;
 
 /// Largest tilt in which the calibrated unit works: what the reference design is judged up to
-/// (sensors reference, 7.6).
+/// (docs/sensors.md, 7.6).
 const WORKING_TILT_DEG: f64 = 60.0;
 
 /// Half the span over which a recording's instruments are averaged: about that of the device's own

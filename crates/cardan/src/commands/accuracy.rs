@@ -15,7 +15,7 @@ use crate::output::Output;
 
 /// Noise of a conversion in codes.
 const NOISE_LSB: f64 = 0.5;
-/// Published noise of the sensors: g and microtesla (sensors reference, section 7.6).
+/// Published noise of the sensors: g and microtesla (docs/sensors.md, section 7.6).
 const PUBLISHED_NOISE: [f64; 2] = [0.030, 0.82];
 
 /// How accurate the attitude is under converter noise: random attitudes through a 10-bit converter and
