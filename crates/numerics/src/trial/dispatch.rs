@@ -2,10 +2,10 @@
 
 use std::ops::Range;
 
-use pulp::{Arch, NullaryFnOnce};
+use fearless_simd::Level;
 
 use super::column::Column;
-use super::lanes::{self, Nearest, each, narrow, wide};
+use super::lanes::{self, Loop as _, Nearest, each, narrow, wide};
 use super::plan::{Class, Plan};
 use crate::Word;
 use crate::tape::{Inputs, Op, compute, decide};
@@ -13,8 +13,8 @@ use crate::tape::{Inputs, Op, compute, decide};
 /// A loop over the steps of a block, compiled for each set of processor features; the best one there
 /// is runs. (What is not inlined into it would be compiled without them.)
 macro_rules! over {
-    ($arch:expr, $($job:ident)::+($($argument:expr),*), $at:ident => $value:expr) => {
-        $arch.dispatch($($job)::+($($argument,)* #[inline(always)] |$at: usize| $value))
+    ($level:expr, $($job:ident)::+($($argument:expr),*), $at:ident => $value:expr) => {
+        lanes::run($level, $($job)::+($($argument,)* #[inline(always)] |$at: usize| $value))
     };
 }
 
@@ -28,7 +28,7 @@ pub(super) struct Scratch {
 
 /// An operation's way of computing, and the steps to compute.
 pub(super) struct Kernel {
-    pub(super) arch: Arch,
+    pub(super) level: Level,
     pub(super) plan: Plan,
     pub(super) block: Range<usize>,
 }
@@ -84,7 +84,7 @@ impl Kernel {
         };
         let out = &mut out[self.block.clone()];
         let count = out.len();
-        let arch = self.arch;
+        let level = self.level;
         match op {
             Op::External { port } => {
                 let truths = &inputs.truths[port as usize][self.block.clone()];
@@ -94,38 +94,38 @@ impl Kernel {
             }
             Op::Not(a) => {
                 let a = &self.words(a)[..count];
-                over!(arch, each(out), at => !a[at]);
+                over!(level, each(out), at => !a[at]);
             }
             Op::Or(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                over!(arch, each(out), at => a[at] | b[at]);
+                over!(level, each(out), at => a[at] | b[at]);
             }
             Op::Xor(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                over!(arch, each(out), at => a[at] ^ b[at]);
+                over!(level, each(out), at => a[at] ^ b[at]);
             }
             Op::Either(c, a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
                 let c = &self.words(c)[..count];
-                over!(arch, each(out), at => (a[at] & c[at]) | (b[at] & !c[at]));
+                over!(level, each(out), at => (a[at] & c[at]) | (b[at] & !c[at]));
             }
             Op::Raise(_, a) => out.copy_from_slice(self.words(a)),
             Op::Negative((Column::Narrow(_), _)) => {
                 let Op::Negative(a) = op else { return false };
                 let a = &self.words(a)[..count];
-                over!(arch, each(out), at => a[at] >> 31);
+                over!(level, each(out), at => a[at] >> 31);
             }
             Op::Less(a, b) if self.plan.class == Class::Narrow => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
                 let [up_a, up_b] = self.plan.align;
-                over!(arch, each(out), at => -i32::from((a[at] << up_a) < (b[at] << up_b)));
+                over!(level, each(out), at => -i32::from((a[at] << up_a) < (b[at] << up_b)));
             }
             Op::Less(a, b) if self.plan.class == Class::Wide => {
                 self.widen(a, &mut scratch.a);
                 self.widen(b, &mut scratch.b);
                 let (a, b) = (&scratch.a[..count], &scratch.b[..count]);
                 let [up_a, up_b] = self.plan.align;
-                over!(arch, each(out), at => -i32::from((a[at] << up_a) < (b[at] << up_b)));
+                over!(level, each(out), at => -i32::from((a[at] << up_a) < (b[at] << up_b)));
             }
             Op::Negative(_) | Op::Less(..) | Op::Known(_) => {
                 for (at, out) in out.iter_mut().enumerate() {
@@ -142,40 +142,40 @@ impl Kernel {
         let fit = narrow::Fit::new(self.plan.format, self.plan.drop);
         let count = out.len();
         let [up_a, up_b] = self.plan.align;
-        let arch = self.arch;
+        let level = self.level;
         match op {
             Op::Input { port, .. } => {
                 let raws = &inputs.raws[port as usize][self.block.clone()][..count];
-                over!(arch, narrow::fit(out, fit), at => raws[at])
+                over!(level, narrow::fit(out, fit), at => raws[at])
             }
             Op::Add(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                over!(arch, narrow::fit(out, fit), at => (a[at] << up_a) + (b[at] << up_b))
+                over!(level, narrow::fit(out, fit), at => (a[at] << up_a) + (b[at] << up_b))
             }
             Op::Sub(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                over!(arch, narrow::fit(out, fit), at => (a[at] << up_a) - (b[at] << up_b))
+                over!(level, narrow::fit(out, fit), at => (a[at] << up_a) - (b[at] << up_b))
             }
             Op::Mul(a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
-                over!(arch, narrow::fit(out, fit), at => a[at] * b[at])
+                over!(level, narrow::fit(out, fit), at => a[at] * b[at])
             }
             Op::Shift(a, _) => {
                 let a = &self.words(a)[..count];
-                over!(arch, narrow::fit(out, fit), at => a[at])
+                over!(level, narrow::fit(out, fit), at => a[at])
             }
             Op::Neg(a) => {
                 let a = &self.words(a)[..count];
-                over!(arch, narrow::fit(out, fit), at => -a[at])
+                over!(level, narrow::fit(out, fit), at => -a[at])
             }
             Op::Abs(a) => {
                 let a = &self.words(a)[..count];
-                over!(arch, narrow::fit(out, fit), at => a[at].wrapping_abs())
+                over!(level, narrow::fit(out, fit), at => a[at].wrapping_abs())
             }
             Op::Select(c, a, b) => {
                 let (a, b) = (&self.words(a)[..count], &self.words(b)[..count]);
                 let c = &self.words(c)[..count];
-                over!(arch, narrow::fit(out, fit), at => {
+                over!(level, narrow::fit(out, fit), at => {
                     ((a[at] << up_a) & c[at]) | ((b[at] << up_b) & !c[at])
                 })
             }
@@ -190,8 +190,8 @@ impl Kernel {
             Column::Narrow(words) => {
                 let words = &words[range];
                 let into = &mut into[..words.len()];
-                let arch = self.arch;
-                over!(arch, each(into), at => i64::from(words[at]));
+                let level = self.level;
+                over!(level, each(into), at => i64::from(words[at]));
             }
             Column::Wide(words) => into.copy_from_slice(&words[range]),
         }
@@ -227,8 +227,8 @@ impl Kernel {
             Column::Narrow(words) => {
                 let words = &mut words[self.block.clone()];
                 let result = &result[..words.len()];
-                let arch = self.arch;
-                over!(arch, each(words), at => result[at] as i32);
+                let level = self.level;
+                over!(level, each(words), at => result[at] as i32);
             }
         }
         overflows
@@ -246,26 +246,26 @@ impl Kernel {
         let count = out.len();
         let a = &a[..count];
         let [up_a, up_b] = self.plan.align;
-        let arch = self.arch;
+        let level = self.level;
         match op {
             Op::Add(..) => {
                 let b = &b[..count];
-                over!(arch, wide::fit(out, fit), at => (a[at] << up_a) + (b[at] << up_b))
+                over!(level, wide::fit(out, fit), at => (a[at] << up_a) + (b[at] << up_b))
             }
             Op::Sub(..) => {
                 let b = &b[..count];
-                over!(arch, wide::fit(out, fit), at => (a[at] << up_a) - (b[at] << up_b))
+                over!(level, wide::fit(out, fit), at => (a[at] << up_a) - (b[at] << up_b))
             }
             Op::Mul(..) => {
                 let b = &b[..count];
-                over!(arch, wide::fit(out, fit), at => a[at] * b[at])
+                over!(level, wide::fit(out, fit), at => a[at] * b[at])
             }
-            Op::Neg(_) => over!(arch, wide::fit(out, fit), at => -a[at]),
-            Op::Abs(_) => over!(arch, wide::fit(out, fit), at => a[at].wrapping_abs()),
+            Op::Neg(_) => over!(level, wide::fit(out, fit), at => -a[at]),
+            Op::Abs(_) => over!(level, wide::fit(out, fit), at => a[at].wrapping_abs()),
             Op::Select(c, ..) => {
                 let b = &b[..count];
                 let c = &self.words(c)[..count];
-                over!(arch, wide::fit(out, fit), at => {
+                over!(level, wide::fit(out, fit), at => {
                     let c = i64::from(c[at]);
                     ((a[at] << up_a) & c) | ((b[at] << up_b) & !c)
                 })
@@ -278,9 +278,9 @@ impl Kernel {
                 if a.iter().any(|word| *word < 0) {
                     failures.extend((0..count).filter(failed).map(step));
                 }
-                over!(arch, wide::fit(out, fit), at => lanes::root(a[at] << up_a, how))
+                over!(level, wide::fit(out, fit), at => lanes::root(a[at] << up_a, how))
             }
-            _ => over!(arch, wide::fit(out, fit), at => a[at]),
+            _ => over!(level, wide::fit(out, fit), at => a[at]),
         }
     }
 
@@ -290,8 +290,8 @@ impl Kernel {
         let how = Nearest::new(format.rounding);
         let [up_a, up_b] = self.plan.align;
         // A zero divisor counts as 1 here.
-        let arch = self.arch;
-        let mut overflows = over!(arch, wide::fit(out, fit), at => {
+        let level = self.level;
+        let mut overflows = over!(level, wide::fit(out, fit), at => {
             let divisor = (b[at] << up_b) | i64::from(b[at] == 0);
             lanes::quotient(a[at] << up_a, divisor, how)
         });
@@ -300,7 +300,7 @@ impl Kernel {
                 // Divided by 1 above; whether that fitted does not count.
                 let stand_in = [a[at] << up_a];
                 let mut ignored = [0];
-                overflows -= wide::fit(&mut ignored, fit, |_| stand_in[0]).call();
+                overflows -= wide::fit(&mut ignored, fit, |_| stand_in[0]).run();
                 overflows += 1;
                 out[at] = if a[at] < 0 {
                     format.min_raw()

@@ -5,7 +5,22 @@
 //! how values outside the word are limited, is chosen once per loop, so that the loops vectorise.
 
 use cardan_datapath::{Format, Overflow, Rounding};
-use pulp::NullaryFnOnce;
+use fearless_simd::{Level, dispatch};
+
+/// A loop to come.
+pub(super) trait Loop {
+    /// What it tells.
+    type Output;
+
+    /// Runs it, with the processor features of the caller: it is inlined.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs a loop as compiled for the processor features of `level`.
+#[inline(always)]
+pub(super) fn run<L: Loop>(level: Level, job: L) -> L::Output {
+    dispatch!(level, _ => job.run())
+}
 
 macro_rules! width {
     ($name:ident, $int:ident, $what:literal) => {
@@ -129,18 +144,18 @@ macro_rules! width {
                 Job { out, fit, exact }
             }
 
-            impl<F: Fn(usize) -> $int> NullaryFnOnce for Job<'_, F> {
+            impl<F: Fn(usize) -> $int> Loop for Job<'_, F> {
                 type Output = u64;
 
                 #[inline(always)]
-                fn call(self) -> u64 {
+                fn run(self) -> u64 {
                     let Self { out, fit, exact } = self;
-                    run(out, fit, exact)
+                    chosen(out, fit, exact)
                 }
             }
 
             #[inline(always)]
-            fn run(out: &mut [$int], fit: Fit, exact: impl Fn(usize) -> $int) -> u64 {
+            fn chosen(out: &mut [$int], fit: Fit, exact: impl Fn(usize) -> $int) -> u64 {
                 let mode = if fit.left > 0 {
                     3
                 } else if fit.negative != 0 {
@@ -179,11 +194,11 @@ pub(super) fn each<T, F: Fn(usize) -> T>(out: &mut [T], value: F) -> Each<'_, T,
     Each { out, value }
 }
 
-impl<T, F: Fn(usize) -> T> NullaryFnOnce for Each<'_, T, F> {
+impl<T, F: Fn(usize) -> T> Loop for Each<'_, T, F> {
     type Output = ();
 
     #[inline(always)]
-    fn call(self) {
+    fn run(self) {
         for (at, out) in self.out.iter_mut().enumerate() {
             *out = (self.value)(at);
         }

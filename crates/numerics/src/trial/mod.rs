@@ -16,7 +16,7 @@ mod plan;
 use std::ops::{ControlFlow, Range};
 
 use cardan_datapath::{Format, Overflow};
-use pulp::Arch;
+use fearless_simd::Level;
 
 pub use column::Column;
 pub use plan::{Violation, deployable};
@@ -35,7 +35,7 @@ pub struct Trial<'a> {
     tape: &'a Tape,
     inputs: &'a Inputs,
     domain_flag: u16,
-    arch: Arch,
+    level: Level,
     stages: Vec<Stage>,
     /// Columns that each steady operation reads.
     reads: Vec<Vec<usize>>,
@@ -74,7 +74,7 @@ impl<'a> Trial<'a> {
             tape,
             inputs,
             domain_flag,
-            arch: Arch::new(),
+            level: Level::new(),
             stages: graph::stages(tape),
             reads: tape.steady.iter().map(|entry| reads(tape, entry)).collect(),
             looked_back_at: looked_back_at(tape),
@@ -288,7 +288,7 @@ impl<'a> Trial<'a> {
         let mut out = std::mem::take(&mut self.columns[slot]);
         let entry = self.tape.steady[index];
         let kernel = Kernel {
-            arch: self.arch,
+            level: self.level,
             plan: self.plans[slot],
             block,
         };
