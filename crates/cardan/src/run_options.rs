@@ -13,17 +13,16 @@ use cardan_scenario::tolerance::Tolerance;
 use cardan_scenario::{Scenario, Trajectory};
 use clap::Args;
 
+mod stale;
+
 use crate::eeprom_file;
 use crate::failure::Failure;
 use crate::files::{self, Plan};
 use crate::output::Output;
-use crate::toolchain::{self, BOARDS};
+use crate::toolchain::{self, BOARDS, Checkout};
 
 /// Name of the image that is part of this program.
-const BUNDLED_IMAGE: &str = "bundled image";
-
-/// Digest of the firmware sources that this program was compiled from; empty where they were not there.
-const SOURCES: &str = env!("CARDAN_SOURCES");
+pub(crate) const BUNDLED_IMAGE: &str = "bundled image";
 
 /// Longest run in simulated seconds.
 const MOST_SECONDS: f64 = 1e6;
@@ -46,6 +45,10 @@ pub(crate) struct RunOptions {
     /// Build the image from the checkout that this is run in, and emulate that
     #[arg(long, conflicts_with = "firmware")]
     pub(crate) build: bool,
+    /// Checkout of Cardan's repository whose firmware is built and, by `tune --apply`, changed, instead of the
+    /// one around the current folder
+    #[arg(long, value_name = "DIR")]
+    pub(crate) checkout: Option<PathBuf>,
     /// Content of the device's EEPROM (.hex, .eep or .bin, as `calibrate --out` writes it) instead of
     /// the scenario's calibration
     #[arg(long, value_name = "FILE")]
@@ -169,7 +172,7 @@ impl RunOptions {
         for (node, format) in table.iter_mut().zip(formats.iter().flatten()) {
             node.format = *format;
         }
-        let stale = self.stale(&firmware);
+        let stale = stale::told(self, &firmware)?;
         firmware
             .check_formats(&table, formats_hash)
             .map_err(|error| match &stale {
@@ -226,15 +229,9 @@ impl RunOptions {
             (Some(file), _) => parse(&file.display().to_string(), &read(file)?),
             (None, formats) if formats.is_some() || self.build => {
                 let declared = formats.map(|formats| toolchain::declared(app.nodes(), formats));
-                if self.build && toolchain::here().is_none() {
-                    let expected =
-                        "expected a checkout of the repository around the current folder";
-                    return Err(Failure::input(format!(
-                        "--build: {expected}; change into one, or give an image with --firmware"
-                    )));
-                }
+                let checkout = self.sources()?;
                 let declared = declared.as_deref();
-                let built = toolchain::build_board(&BOARDS[0], tapped, declared, true)?;
+                let built = toolchain::build_board(&checkout, &BOARDS[0], tapped, declared, true)?;
                 parse(&built.file.display().to_string(), &built.elf)
             }
             (None, _) => {
@@ -245,6 +242,26 @@ impl RunOptions {
                 parse(BUNDLED_IMAGE, bytes)
             }
         }
+    }
+
+    /// The firmware sources that an image is built from.
+    fn sources(&self) -> Result<Checkout, Failure> {
+        let named = self.checkout.as_deref();
+        if self.build {
+            Checkout::to_write(named, "--build")
+        } else {
+            Checkout::to_read(named)
+        }
+    }
+
+    /// Says from which sources an image is built, and into which folder, where one is.
+    pub(crate) fn announce_build(&self, output: Output) -> Result<(), Failure> {
+        let is_built =
+            self.firmware.is_none() && (self.build || self.app_and_formats()?.1.is_some());
+        if is_built {
+            output.note(&self.sources()?.told()?);
+        }
+        Ok(())
     }
 
     /// The same options with the image that was resolved, so that no child builds it again.
@@ -258,50 +275,15 @@ impl RunOptions {
         }
     }
 
-    /// What the checkout that the user stands in says of the image and of this program: nothing where its
-    /// firmware is what both were made of, where an image does not tell, and outside a checkout.
-    fn stale(&self, firmware: &Firmware) -> Option<String> {
-        let (checkout, present) = toolchain::digest_here()?;
-        let image = firmware.sources.as_ref();
-        let is_image_stale = image.is_some_and(|sources| *sources != present);
-        let is_native_stale = !SOURCES.is_empty() && SOURCES != present;
-        let native = "this program's native firmware";
-        let image = match firmware.name.as_str() {
-            BUNDLED_IMAGE => "the bundled image".to_owned(),
-            file => format!("image {file}"),
-        };
-        let (what, program, build) = match (is_image_stale, is_native_stale) {
-            (false, false) => return None,
-            (true, false) => (image, "cardan", " --build"),
-            (true, true) => (
-                format!("{native} and {image}"),
-                "cargo run --release --",
-                " --build",
-            ),
-            (false, true) => (native.to_owned(), "cargo run --release --", " --build"),
-        };
-        let mut command = format!("{program} compare{build}");
-        let without_image = Self {
-            firmware: None,
-            ..self.clone()
-        };
-        for argument in without_image.arguments() {
-            command.push(' ');
-            command.push_str(&argument.to_string_lossy());
-        }
-        let were = if is_image_stale && is_native_stale {
-            "were"
-        } else {
-            "was"
-        };
-        Some(format!(
-            "{what} {were} made of other firmware sources than those in {}; to build and compare these: \
-             {command}",
-            checkout.display()
-        ))
+    /// `--checkout` as arguments, for children.
+    pub(crate) fn checkout_arguments(&self) -> Vec<std::ffi::OsString> {
+        let given = self.checkout.iter();
+        given
+            .flat_map(|folder| ["--checkout".into(), folder.into()])
+            .collect()
     }
 
-    /// The options as arguments for a child process.
+    /// The options as arguments: all that the result depends on.
     pub(crate) fn arguments(&self) -> Vec<std::ffi::OsString> {
         let mut arguments: Vec<std::ffi::OsString> = Vec::new();
         let mut give = |name: &str, value: std::ffi::OsString| {

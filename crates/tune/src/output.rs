@@ -11,6 +11,29 @@ use crate::outcome::{Outcome, Statistics};
 /// and share of the error of each.
 #[must_use]
 pub fn wordlengths(outcome: &Outcome, nodes: &[NodeInfo], command: &str) -> String {
+    let mut out = header(outcome, command);
+    out.push('\n');
+    out.push_str(&tuned_table(outcome, command));
+    for (at, (node, (_, format))) in nodes.iter().zip(&outcome.best.formats.0).enumerate() {
+        let _ = write!(
+            out,
+            "\n[[node]]\nname = {:?}\n{}unit = {:?}\nword = {}{}\nfrac = {}{}\nrounding = \"{}\"\noverflow = \"{}\"\n",
+            node.name,
+            meaning_line(node.meaning),
+            node.unit,
+            format.word,
+            range_comment(outcome, at, *format),
+            format.frac,
+            share_comment(outcome, node.name),
+            format.rounding.name(),
+            format.overflow.name()
+        );
+    }
+    out
+}
+
+/// The first lines: what was reached, in words.
+pub(crate) fn header(outcome: &Outcome, command: &str) -> String {
     let mut out = format!("# Word lengths tuned with: {command}\n");
     if !outcome.verified {
         out.push_str("# NOT VERIFIED: the budget does not hold on all runs that were looked at\n");
@@ -31,23 +54,6 @@ pub fn wordlengths(outcome: &Outcome, nodes: &[NodeInfo], command: &str) -> Stri
             .as_ref()
             .map_or("none".into(), |uniform| uniform.bits.to_string())
     );
-    out.push('\n');
-    tuned(&mut out, outcome, command);
-    for (at, (node, (_, format))) in nodes.iter().zip(&outcome.best.formats.0).enumerate() {
-        let _ = write!(
-            out,
-            "\n[[node]]\nname = {:?}\n{}unit = {:?}\nword = {}{}\nfrac = {}{}\nrounding = \"{}\"\noverflow = \"{}\"\n",
-            node.name,
-            meaning_line(node.meaning),
-            node.unit,
-            format.word,
-            range_comment(outcome, at, *format),
-            format.frac,
-            share_comment(outcome, node.name),
-            format.rounding.name(),
-            format.overflow.name()
-        );
-    }
     out
 }
 
@@ -88,20 +94,19 @@ pub fn tuned_to(outcome: &Outcome, command: &str) -> Tuned {
     }
 }
 
-fn tuned(out: &mut String, outcome: &Outcome, command: &str) {
+/// The table `[tuned]` as text.
+pub(crate) fn tuned_table(outcome: &Outcome, command: &str) -> String {
     #[derive(serde::Serialize)]
     struct Table {
         tuned: Tuned,
     }
     let tuned = tuned_to(outcome, command);
     // Names, numbers and texts are all that it holds: TOML has a form for each.
-    if let Ok(text) = toml::to_string(&Table { tuned }) {
-        out.push_str(&text);
-    }
+    toml::to_string(&Table { tuned }).unwrap_or_default()
 }
 
 /// The range of a node and how much of its word is left above it.
-fn range_comment(outcome: &Outcome, node: usize, format: Format) -> String {
+pub(crate) fn range_comment(outcome: &Outcome, node: usize, format: Format) -> String {
     let Some(range) = outcome.ranges.get(node) else {
         return String::new();
     };
@@ -121,7 +126,7 @@ fn range_comment(outcome: &Outcome, node: usize, format: Format) -> String {
 }
 
 /// The largest share of an output's rounding error.
-fn share_comment(outcome: &Outcome, name: &str) -> String {
+pub(crate) fn share_comment(outcome: &Outcome, name: &str) -> String {
     let own = outcome
         .sensitivities
         .iter()

@@ -1,5 +1,6 @@
 //! `build`: cross-compiles the firmware, and says what it needs of the controller.
 
+mod left_out;
 pub(crate) mod measure;
 mod report;
 mod simulate;
@@ -12,19 +13,24 @@ use cardan_bench::app::by_name;
 use cardan_datapath::wordlengths::{self, DeclaredNode};
 use clap::Args;
 
+use self::left_out::{LeftOut, listed};
 use self::measure::measure_both;
 use self::report::{Document, ImageReport, TargetReport};
 use crate::failure::{Done, Failure, code};
 use crate::files::{Plan, make_folder, read_text, write_whole};
 use crate::output::Output;
-use crate::toolchain::{self, BOARDS, Board, Built, Runs};
+use crate::toolchain::{self, BOARDS, Board, Built, Checkout, Runs};
 
 /// Cross-compiles the firmware to its targets: flash, RAM, stack and cycles of each image.
 ///
 /// Both images of a target are built: plain, and tapped (which publishes every node value). Stack
 /// and cycles are measured: the image runs in the emulator while its inputs step through the whole
 /// range. ARM and RISC-V programs work on recorded codes; QEMU runs them, which counts no cycles.
-/// Needs a cross toolchain; `cardan doctor` says which parts are missing.
+/// Needs a cross toolchain; `cardan doctor` says which parts are missing. `all` builds the targets whose
+/// toolchain is there, and lists the others with what installs theirs.
+///
+/// The firmware is that of the checkout around the current folder, and what is built goes into its target
+/// folder. Outside a checkout it is the firmware that came with this program, built in the user's cache.
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Application: the algorithm with its board.
@@ -40,6 +46,9 @@ pub(crate) struct Arguments {
     /// this folder; with `--target all` into a folder per target.
     #[arg(long, value_name = "DIR")]
     out: Option<PathBuf>,
+    /// Checkout of Cardan's repository to build, instead of the one around the current folder.
+    #[arg(long, value_name = "DIR")]
+    checkout: Option<PathBuf>,
     /// Instead of images, builds the own tests of the targets that have some (atmega328p) and runs
     /// them in the emulator; exits with 1 if one fails.
     #[arg(long, conflicts_with_all = ["wordlengths", "out"])]
@@ -78,8 +87,9 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         Targets::All => BOARDS.iter().collect(),
         Targets::One(board) => vec![board],
     };
+    let checkout = Checkout::to_read(arguments.checkout.as_deref())?;
     if arguments.test {
-        return test(&boards, output);
+        return test(&checkout, &boards, output);
     }
     let mut plan = Plan::default().input("--wordlengths", arguments.wordlengths.as_deref());
     for board in &boards {
@@ -87,20 +97,70 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     }
     plan.check()?;
     // Before the first build takes its minutes.
-    for board in &boards {
-        toolchain::find(board).map_err(Failure::input)?;
+    let (boards, mut left_out) = buildable(boards)?;
+    output.note(&checkout.told()?);
+    for one in &left_out {
+        output.note(&format!("not built: {one}"));
     }
+    let is_alone = boards.len() + left_out.len() == 1;
     let mut reports = Vec::new();
     for board in boards {
         let folder = out(arguments, board);
-        reports.push(target(board, nodes.as_deref(), folder.as_deref(), output)?);
+        match target(
+            &checkout,
+            board,
+            nodes.as_deref(),
+            folder.as_deref(),
+            output,
+        ) {
+            Ok(report) => reports.push(report),
+            Err(failure) if is_alone => return Err(failure),
+            Err(failure) => left_out.push(LeftOut::failed(board, &failure)),
+        }
     }
-    let document = Document::new(reports);
+    if reports.is_empty() {
+        return Err(Failure::input(listed(&left_out)));
+    }
+    let code = if left_out.is_empty() {
+        code::PASS
+    } else {
+        code::FAIL
+    };
+    let document = Document::new(checkout.places()?, reports, left_out);
     if output.is_json() {
         output.document(&document)?;
     }
     output.result(&document.to_string())?;
-    Ok(ExitCode::SUCCESS)
+    Ok(ExitCode::from(code))
+}
+
+/// The boards whose toolchain is there, and the others with what installs theirs.
+///
+/// # Errors
+/// There is none.
+fn buildable(boards: Vec<&'static Board>) -> Result<(Vec<&'static Board>, Vec<LeftOut>), Failure> {
+    let mut ready = Vec::new();
+    let mut left_out: Vec<LeftOut> = Vec::new();
+    let mut first = None;
+    for board in boards {
+        let Err(missing) = toolchain::find(board) else {
+            ready.push(board);
+            continue;
+        };
+        match left_out.iter_mut().find(|one| one.parts == missing.parts) {
+            Some(alike) => alike.targets.push(board.name),
+            None => left_out.push(LeftOut::missing(board, &missing)),
+        }
+        first.get_or_insert(missing);
+    }
+    match (ready.is_empty(), first) {
+        (true, Some(first)) if left_out.len() == 1 => Err(Failure::input(first)),
+        (true, Some(_)) => Err(Failure::input(format!(
+            "nothing can be built:\n{}\n`cardan doctor` shows what is installed and what each part is for",
+            listed(&left_out)
+        ))),
+        _ => Ok((ready, left_out)),
+    }
 }
 
 /// Files of `--out`.
@@ -117,7 +177,7 @@ fn out(arguments: &Arguments, board: &Board) -> Option<PathBuf> {
 
 /// Runs the targets' own tests. Programs for QEMU have none: what they compute is compared with what
 /// the host does.
-fn test(boards: &[&Board], output: Output) -> Done {
+fn test(checkout: &Checkout, boards: &[&Board], output: Output) -> Done {
     let (tested, others): (Vec<&Board>, Vec<&Board>) = boards
         .iter()
         .partition(|board| board.runs_in == Runs::Emulator);
@@ -131,10 +191,11 @@ fn test(boards: &[&Board], output: Output) -> Done {
     if !others.is_empty() {
         output.note(&format!("without tests of their own: {names}"));
     }
+    output.note(&checkout.told()?);
     let mut passed = true;
     let mut results = serde_json::Map::new();
     for board in tested {
-        let is_good = toolchain::test_board(board, output.is_quiet(), output.is_json())?;
+        let is_good = toolchain::test_board(checkout, board, output.is_quiet(), output.is_json())?;
         results.insert(board.name.to_owned(), is_good.into());
         passed &= is_good;
     }
@@ -146,19 +207,22 @@ fn test(boards: &[&Board], output: Output) -> Done {
 
 /// Builds, measures and, where wanted, writes one target's images.
 fn target(
+    checkout: &Checkout,
     board: &'static Board,
     nodes: Option<&[DeclaredNode]>,
     folder: Option<&Path>,
     output: Output,
 ) -> Result<TargetReport, Failure> {
-    let build = |is_tapped| toolchain::build_board(board, is_tapped, nodes, output.is_quiet());
+    let build =
+        |is_tapped| toolchain::build_board(checkout, board, is_tapped, nodes, output.is_quiet());
     let (plain, tapped) = (build(false)?, build(true)?);
     if let Some(folder) = folder {
-        write(board, folder, &plain, &tapped)?;
+        let record = toolchain::record(checkout, board, &plain.elf, &tapped.elf)?;
+        write(&record.to_toml()?, folder, &plain, &tapped)?;
     }
     let runner = match board.runs_in {
         Runs::Emulator => Vec::new(),
-        Runs::Qemu => toolchain::runner(board)?,
+        Runs::Qemu => toolchain::runner(checkout, board)?,
     };
     let mut remarks = Vec::new();
     let mut images = Vec::new();
@@ -179,8 +243,7 @@ fn target(
     })
 }
 
-fn write(board: &Board, folder: &Path, plain: &Built, tapped: &Built) -> Result<(), Failure> {
-    let record = toolchain::record(board, &plain.elf, &tapped.elf)?.to_toml()?;
+fn write(record: &str, folder: &Path, plain: &Built, tapped: &Built) -> Result<(), Failure> {
     let put = |name: &str, bytes: &[u8]| {
         let file = folder.join(name);
         write_whole("--out", &file, bytes)

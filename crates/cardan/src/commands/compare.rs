@@ -77,9 +77,7 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
         Some(id) => id.parse().map_err(Failure::input)?,
         None => SessionId::fresh(),
     };
-    if args.run.build {
-        output.note("building the image from this checkout");
-    }
+    args.run.announce_build(output)?;
     // Every bad input is told here, before anything starts.
     let setup = args.run.resolve()?;
     let plan = args.extras.dump.plan(setup.app)?;
@@ -172,7 +170,7 @@ fn participant(
             }
         }
         Role::Emulated | Role::Diff => {
-            command.args(run.arguments());
+            command.args(run.arguments()).args(run.checkout_arguments());
             for name in args.extras.dump.signals() {
                 command.arg("--dump-signal").arg(name);
             }

@@ -220,6 +220,7 @@ fn compare(program: &std::path::Path, job: &Job) -> Result<Run, Failure> {
     command
         .args(["compare", "--in-process", "--json", "--quiet"])
         .args(job.run.arguments())
+        .args(job.run.checkout_arguments())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
     supervise(&mut command);

@@ -66,7 +66,7 @@ pub(crate) const TUNE: &str = "\
 Examples:
   cardan tune --budget 'attitude.rms<=0.02'
   cardan tune --budget 'attitude.rms<=0.02' 'overflow==0' --out mine.toml --report out
-  cardan tune --cost cycles --budget 'attitude.rms<=0.02' --apply
+  cardan tune --cost cycles --budget 'attitude.rms<=0.02' --apply   # in a checkout: changes it
 
 Exit codes:
   0  done; a verdict is pass
@@ -124,11 +124,13 @@ Examples:
   cardan build
   cardan build --target all
   cardan build --wordlengths mine.toml --out images
+  cardan build --checkout ~/cardan            # from anywhere
 
 Exit codes:
-  0  done; a verdict is pass
-  1  done; the verdict is fail (tolerance missed, bits differ, budget not met, checks failed)
-  2  wrong usage or bad input; the message says what to change";
+  0  done: every target that was asked for is built (--test: all tests passed)
+  1  some targets are built, the others are listed with what installs their toolchain, or with the
+     compiler's message (--test: a test failed)
+  2  nothing could be built, wrong usage or bad input; the message says what to change";
 
 /// Of `doctor`.
 pub(crate) const DOCTOR: &str = "\

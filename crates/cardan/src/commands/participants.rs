@@ -62,6 +62,7 @@ impl ModelArgs {
             recording: None,
             firmware: None,
             build: false,
+            checkout: None,
             eeprom: None,
             wordlengths: self.wordlengths.clone(),
             seconds: None,

@@ -5,7 +5,8 @@ use std::process::ExitCode;
 
 use cardan_tune::cost::Coefficients;
 use cardan_tune::{
-    Cost, Method, Options, Outcome, Progress, TuneError, output as written, page, tune_with,
+    Cost, Method, Options, Outcome, Progress, TuneError, output as written, page, rewritten,
+    tune_with,
 };
 use clap::{Args, ValueEnum};
 use serde::Serialize;
@@ -15,9 +16,13 @@ use crate::files::{read_text, write_into, write_whole};
 use crate::output::Output;
 use crate::recording;
 use crate::run_options::{RunOptions, Setup};
+use crate::toolchain::Checkout;
 
+mod again;
 mod table;
 mod target;
+
+use again::command_line;
 
 /// Finds the word lengths that meet a budget at the least cost.
 ///
@@ -94,7 +99,8 @@ pub(crate) struct Arguments {
     /// Write front.csv, tune.json and tune.html into this folder
     #[arg(long, value_name = "DIR")]
     report: Option<PathBuf>,
-    /// Write the word lengths into the firmware, rebuild it and compare it in the emulator
+    /// Write the word lengths into the firmware of the checkout that this is run in (comments and order of its
+    /// wordlengths.toml stay), rebuild it and compare it in the emulator
     #[arg(long)]
     apply: bool,
 }
@@ -156,6 +162,17 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         ));
     }
     let options = options(arguments, &setup)?;
+    let own = arguments
+        .apply
+        .then(|| target::to_apply_to(&arguments.run, setup.app))
+        .transpose()?;
+    if let Some(checkout) = &own {
+        output.note(&format!(
+            "--apply will write {} in {checkout}",
+            checkout.wordlengths().display()
+        ));
+    }
+    let sources = Checkout::to_read(arguments.run.checkout.as_deref());
     setup.announce(output)?;
     output.note("recording the scenario and those to verify on");
     let given = |names: &[String], default: &str| match names {
@@ -167,8 +184,10 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     let problem = recording::problem(&setup, arguments.runs, &also, &held_out)?;
     let mut shown = Shown::new(output);
     let app = setup.app;
-    let measure =
-        move |formats: &[cardan_datapath::Format]| target::on_target(app, formats, output);
+    let measure = move |formats: &[cardan_datapath::Format]| match &sources {
+        Ok(sources) => target::on_target(sources, app, formats, output),
+        Err(failure) => Err(TuneError::Target(failure.to_string())),
+    };
     // Fresh seeds follow those tuned on and the one that is held out.
     let first = arguments.runs + 1;
     let record = |runs: std::ops::Range<u64>| {
@@ -196,15 +215,17 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     };
     write(arguments, &document, &problem.nodes, output)?;
     let mut passes = outcome.feasible && outcome.verified;
-    if arguments.apply && passes {
-        let text = written::wordlengths(&outcome, &problem.nodes, &command_line(arguments));
-        let report = target::apply(&arguments.run, &text, output)?;
+    if let (Some(checkout), true) = (&own, passes) {
+        let command = command_line(arguments);
+        let with_result =
+            |text: &str, file: &str| rewritten(text, file, &outcome, &problem.nodes, &command);
+        let report = target::apply(checkout, &arguments.run, with_result, output)?;
         // Bundled tolerances are those of the formats before; what must hold is that the compiled
         // code does the same as the tuned model.
         passes = target::is_bit_equal(&report);
         document.applied = Some(report.verdict);
         output.note(&target::told(&report));
-    } else if arguments.apply {
+    } else if own.is_some() {
         output.note(
             "--apply: nothing was written, since the result is not verified to meet the budget",
         );
@@ -343,60 +364,4 @@ fn write(
         }
     }
     Ok(())
-}
-
-/// The command that finds the same again: every option that the result depends on.
-fn command_line(arguments: &Arguments) -> String {
-    let mut line = "cardan tune".to_owned();
-    for argument in arguments.run.arguments() {
-        line.push(' ');
-        line.push_str(&argument.to_string_lossy());
-    }
-    let mut give = |name: &str, value: &str| line.push_str(&format!(" {name} {value}"));
-    for budget in &arguments.budget {
-        give("--budget", &format!("'{budget}'"));
-    }
-    let named = |value: Option<clap::builder::PossibleValue>| {
-        value.map_or_else(String::new, |value| value.get_name().to_owned())
-    };
-    give("--cost", &named(arguments.cost.to_possible_value()));
-    give("--method", &named(arguments.method.to_possible_value()));
-    give("--guard-bits", &arguments.guard_bits.to_string());
-    give("--runs", &arguments.runs.to_string());
-    give("--fresh", &arguments.fresh.to_string());
-    if let Some(file) = &arguments.coefficients {
-        give("--coefficients", &file.display().to_string());
-    }
-    for node in &arguments.lock {
-        give("--lock", node);
-    }
-    for nodes in &arguments.couple {
-        give("--couple", nodes);
-    }
-    if !arguments.widths.is_empty() {
-        let widths: Vec<String> = arguments.widths.iter().map(u32::to_string).collect();
-        give("--widths", &widths.join(","));
-    }
-    let limits = [
-        (
-            "--evaluations",
-            arguments.evaluations.map(|n| n.to_string()),
-        ),
-        ("--time", arguments.time.map(|s| s.to_string())),
-        ("--patience", arguments.patience.map(|n| n.to_string())),
-    ];
-    for (name, value) in limits {
-        if let Some(value) = value {
-            give(name, &value);
-        }
-    }
-    for (name, scenarios) in [
-        ("--also", &arguments.also),
-        ("--held-out", &arguments.held_out),
-    ] {
-        for scenario in scenarios {
-            give(name, scenario);
-        }
-    }
-    line
 }

@@ -16,7 +16,7 @@ use cardan_spec::taps;
 use super::find::Compiler;
 use super::metadata::{self, Metadata};
 use super::record::hex_digest;
-use super::{Board, Built, Runs, kept, sources, unusable};
+use super::{Board, Built, Checkout, Runs, kept, sources, unusable};
 use crate::failure::Failure;
 use crate::files::write_whole;
 
@@ -37,13 +37,14 @@ const FOREIGN: [&str; 8] = [
 /// Builds an image, or takes it from the cache of images in other formats.
 pub(super) fn image(
     compiler: &Compiler,
-    workspace: &Path,
+    checkout: &Checkout,
     board: &Board,
     is_tapped: bool,
     wordlengths: Option<&[DeclaredNode]>,
     is_quiet: bool,
 ) -> Result<Built, Failure> {
-    let folder = board_folder(workspace, board)?;
+    let workspace = checkout.root();
+    let folder = board_folder(checkout, board)?;
     let images = folder.join("images");
     let variant = if is_tapped { "tapped" } else { "plain" };
     let sources = sources::digest(workspace, board)?;
@@ -78,12 +79,13 @@ pub(super) fn image(
 /// all passed.
 pub(super) fn tests(
     compiler: &Compiler,
-    workspace: &Path,
+    checkout: &Checkout,
     board: &Board,
     is_quiet: bool,
     is_reported_aside: bool,
 ) -> Result<bool, Failure> {
-    let folder = board_folder(workspace, board)?;
+    let workspace = checkout.root();
+    let folder = board_folder(checkout, board)?;
     let sources = sources::digest(workspace, board)?;
     let build = Build {
         compiler,
@@ -118,20 +120,15 @@ pub(super) fn tests(
 }
 
 /// Cargo's target folder for the board, with room for its images.
-fn board_folder(workspace: &Path, board: &Board) -> Result<PathBuf, Failure> {
-    let folder = target_folder(workspace).join("boards").join(board.name);
-    let make = |folder: &Path| unusable(folder, "cannot be made", &"check its permissions");
+fn board_folder(checkout: &Checkout, board: &Board) -> Result<PathBuf, Failure> {
+    let folder = checkout.build_folder()?.join("boards").join(board.name);
+    let make = |folder: &Path| {
+        let mend = "check its permissions, or name another place with CARGO_TARGET_DIR";
+        unusable(folder, "cannot be made", &mend)
+    };
     let images = folder.join("images");
     fs::create_dir_all(&images).map_err(|_| make(&images))?;
     folder.canonicalize().map_err(|_| make(&folder))
-}
-
-/// Cargo's target folder.
-fn target_folder(workspace: &Path) -> PathBuf {
-    match std::env::var_os("CARGO_TARGET_DIR") {
-        Some(folder) => std::path::absolute(&folder).unwrap_or_else(|_| folder.into()),
-        None => workspace.join("target"),
-    }
 }
 
 /// The formats in the order of the firmware's nodes: one text per set of formats.

@@ -43,7 +43,8 @@ pub(crate) struct Compiler {
 #[derive(Debug)]
 pub(crate) struct Missing {
     board: &'static str,
-    parts: Vec<String>,
+    /// What is not there, each part with what installs it.
+    pub(crate) parts: Vec<String>,
 }
 
 impl fmt::Display for Missing {

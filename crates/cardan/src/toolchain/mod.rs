@@ -1,6 +1,7 @@
 //! The cross toolchain: finds it, and builds board images with it that are the same wherever the
 //! checkout lies.
 
+mod checkout;
 mod compile;
 mod digest;
 mod elf;
@@ -16,11 +17,12 @@ use std::path::{Path, PathBuf};
 use cardan_datapath::wordlengths::DeclaredNode;
 use cardan_datapath::{Format, NodeInfo};
 
+pub(crate) use checkout::{Checkout, Places};
 pub(crate) use elf::sizes;
-pub(crate) use find::{Candidate, compilers, find, lld};
+pub(crate) use find::{Candidate, Missing, compilers, find, lld};
 pub(crate) use probe::{first_line, runs};
 pub(crate) use record::{Recorded, Versions, hex_digest};
-pub(crate) use sources::{digest_here, here, workspace};
+pub(crate) use sources::reference_digest;
 
 use crate::failure::Failure;
 
@@ -92,27 +94,20 @@ pub(crate) struct Built {
     pub(crate) file: PathBuf,
 }
 
-/// Builds one image of `board`: with taps or without, in the formats of `wordlengths` or in the
+/// Builds one image of `board` from `checkout`: with taps or without, in the formats of `wordlengths` or in the
 /// deployed ones. Cargo's messages go to standard error unless `is_quiet`.
 ///
 /// # Errors
 /// No toolchain, no sources, or a build that fails; the message says what to do.
 pub(crate) fn build_board(
+    checkout: &Checkout,
     board: &Board,
     is_tapped: bool,
     wordlengths: Option<&[DeclaredNode]>,
     is_quiet: bool,
 ) -> Result<Built, Failure> {
     let compiler = find(board).map_err(Failure::input)?;
-    let workspace = workspace()?;
-    compile::image(
-        &compiler,
-        &workspace,
-        board,
-        is_tapped,
-        wordlengths,
-        is_quiet,
-    )
+    compile::image(&compiler, checkout, board, is_tapped, wordlengths, is_quiet)
 }
 
 /// Builds the on-target tests of `board` and runs them in the emulator. Their report goes to standard
@@ -121,12 +116,13 @@ pub(crate) fn build_board(
 /// # Errors
 /// No toolchain, or no sources; the message says what to do.
 pub(crate) fn test_board(
+    checkout: &Checkout,
     board: &Board,
     is_quiet: bool,
     is_reported_aside: bool,
 ) -> Result<bool, Failure> {
     let compiler = find(board).map_err(Failure::input)?;
-    compile::tests(&compiler, &workspace()?, board, is_quiet, is_reported_aside)
+    compile::tests(&compiler, checkout, board, is_quiet, is_reported_aside)
 }
 
 /// A firmware's nodes in other formats, in the order of the firmware.
@@ -142,17 +138,25 @@ pub(crate) fn declared(nodes: &[NodeInfo], formats: &[Format]) -> Vec<DeclaredNo
 }
 
 /// What an image of `board` is built with and from, for the record beside it.
-pub(crate) fn record(board: &Board, plain: &[u8], tapped: &[u8]) -> Result<Recorded, Failure> {
+pub(crate) fn record(
+    checkout: &Checkout,
+    board: &Board,
+    plain: &[u8],
+    tapped: &[u8],
+) -> Result<Recorded, Failure> {
     let compiler = find(board).map_err(Failure::input)?;
-    record::of(&compiler, &workspace()?, board, plain, tapped)
+    record::of(&compiler, checkout.root(), board, plain, tapped)
 }
 
 /// The command that runs a program of `board`, without the program: its Cargo's runner.
 ///
 /// # Errors
 /// No sources, or a configuration of Cargo's without one.
-pub(crate) fn runner(board: &Board) -> Result<Vec<String>, Failure> {
-    let file = workspace()?.join(board.folder).join(".cargo/config.toml");
+pub(crate) fn runner(checkout: &Checkout, board: &Board) -> Result<Vec<String>, Failure> {
+    let file = checkout
+        .root()
+        .join(board.folder)
+        .join(".cargo/config.toml");
     let text = std::fs::read_to_string(&file)
         .map_err(|error| unusable(&file, "cannot be read", &error))?;
     let table: toml::Table = text

@@ -1,36 +1,9 @@
-//! The firmware's sources: where they are, and a digest of all that an image is made from.
+//! A digest of all that an image is made from.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::{BOARDS, Board, digest, unusable};
+use super::{BOARDS, Board, Checkout, digest, unusable};
 use crate::failure::Failure;
-
-/// The workspace: the one that the current folder lies in, else the one we were built from.
-pub(crate) fn workspace() -> Result<PathBuf, Failure> {
-    let marker = Path::new(BOARDS[0].folder).join("Cargo.toml");
-    let here = std::env::current_dir().unwrap_or_default();
-    let ours = Path::new(env!("CARGO_MANIFEST_DIR"));
-    let found = here
-        .ancestors()
-        .chain(ours.ancestors())
-        .find(|at| at.join(&marker).is_file());
-    let found = found.and_then(|folder| folder.canonicalize().ok());
-    found.ok_or_else(|| {
-        Failure::input(format!(
-            "the firmware's sources ({}) are not here; run this inside a checkout of the \
-             repository",
-            BOARDS[0].folder
-        ))
-    })
-}
-
-/// The checkout that the current folder lies in, if it lies in one.
-pub(crate) fn here() -> Option<PathBuf> {
-    let marker = Path::new(BOARDS[0].folder).join("Cargo.toml");
-    let here = std::env::current_dir().ok()?;
-    let found = here.ancestors().find(|at| at.join(&marker).is_file())?;
-    found.canonicalize().ok()
-}
 
 /// SHA-256 over the names and contents of all sources of `board`, as hexadecimal digits.
 pub(super) fn digest(workspace: &Path, board: &Board) -> Result<String, Failure> {
@@ -39,11 +12,9 @@ pub(super) fn digest(workspace: &Path, board: &Board) -> Result<String, Failure>
         .map_err(|(place, error)| unusable(&place, "cannot be read", &error))
 }
 
-/// The same of the reference board in the checkout that the user stands in; none outside one.
-pub(crate) fn digest_here() -> Option<(PathBuf, String)> {
-    let checkout = here()?;
-    let digest = digest(&checkout, &BOARDS[0]).ok()?;
-    Some((checkout, digest))
+/// The same of the reference board in `checkout`; none where it cannot be read.
+pub(crate) fn reference_digest(checkout: &Checkout) -> Option<String> {
+    digest(checkout.root(), &BOARDS[0]).ok()
 }
 
 #[cfg(test)]

@@ -4,15 +4,21 @@ use std::fmt;
 
 use serde::Serialize;
 
+use super::left_out::LeftOut;
 use super::measure::{Measured, Spread};
-use crate::toolchain::{Built, Versions, hex_digest};
+use crate::toolchain::{Built, Places, Versions, hex_digest};
 
 /// The JSON document.
 #[derive(Serialize)]
 pub(super) struct Document {
     /// Of the first target.
     toolchain: Option<Versions>,
+    /// What was built, and where.
+    #[serde(flatten)]
+    places: Places,
     targets: Vec<TargetReport>,
+    /// Targets that were not built, and why.
+    not_built: Vec<LeftOut>,
 }
 
 /// One target.
@@ -53,9 +59,14 @@ impl ImageReport {
 
 impl Document {
     /// The document of all targets.
-    pub(super) fn new(targets: Vec<TargetReport>) -> Self {
+    pub(super) fn new(places: Places, targets: Vec<TargetReport>, not_built: Vec<LeftOut>) -> Self {
         let toolchain = targets.first().map(|target| target.toolchain.clone());
-        Self { toolchain, targets }
+        Self {
+            toolchain,
+            places,
+            targets,
+            not_built,
+        }
     }
 }
 
@@ -98,6 +109,7 @@ impl fmt::Display for Document {
                  from and writes\nresults to files of the host."
             )?;
         }
+        notes.extend(self.not_built.iter().map(|one| format!("not built: {one}")));
         write!(f, "{}", notes.join("\n"))
     }
 }

@@ -1,28 +1,29 @@
 //! Candidates on the target: built, measured in the emulator, and put into the firmware.
 
-use std::path::PathBuf;
-
 use cardan_bench::App;
 use cardan_compare::{Report, Verdict, compare};
-use cardan_datapath::Format;
+use cardan_datapath::{Format, wordlengths};
 use cardan_tune::{OnTarget, TuneError};
 
 use crate::commands::build::measure::measure;
 use crate::failure::Failure;
-use crate::files::{read, write_whole};
+use crate::files::{Plan, read_text, write_whole};
 use crate::output::Output;
 use crate::run_options::RunOptions;
-use crate::toolchain::{self, BOARDS};
+use crate::toolchain::{self, BOARDS, Checkout};
 
 /// Builds the plain image in `formats` and measures it.
 pub(super) fn on_target(
+    checkout: &Checkout,
     app: &'static dyn App,
     formats: &[Format],
     output: Output,
 ) -> Result<OnTarget, TuneError> {
-    output.note("building a candidate for the target");
+    output.note(&format!(
+        "building a candidate for the target from {checkout}"
+    ));
     let declared = toolchain::declared(app.nodes(), formats);
-    let built = toolchain::build_board(&BOARDS[0], false, Some(&declared), true)
+    let built = toolchain::build_board(checkout, &BOARDS[0], false, Some(&declared), true)
         .map_err(|failure| refused(&failure.to_string()))?;
     let measured = measure(&built.file.display().to_string(), &built.elf)
         .map_err(|failure| TuneError::Target(failure.to_string()))?;
@@ -51,16 +52,37 @@ fn refused(message: &str) -> TuneError {
     }
 }
 
-/// Writes the word lengths into the firmware, rebuilds it, and compares it in the emulator with the
-/// golden model. The old file is put back if the new one cannot be built or run.
-pub(super) fn apply(run: &RunOptions, text: &str, output: Output) -> Result<Report, Failure> {
-    let file: PathBuf = toolchain::workspace()?.join("firmware/wordlengths.toml");
+/// The checkout that `--apply` changes: the user's own, whose firmware has the nodes that are tuned.
+///
+/// # Errors
+/// There is none, its word lengths cannot be read or written, or are of other nodes.
+pub(super) fn to_apply_to(run: &RunOptions, app: &'static dyn App) -> Result<Checkout, Failure> {
+    let checkout = Checkout::to_write(run.checkout.as_deref(), "--apply")?;
+    let file = checkout.wordlengths();
+    Plan::default().output("--apply", Some(&file)).check()?;
+    let (name, text) = (file.display().to_string(), read_text(&file)?);
+    let declared = wordlengths::parse(&text, &name).map_err(Failure::input)?;
+    wordlengths::align(&declared, app.nodes(), &name).map_err(Failure::input)?;
+    Ok(checkout)
+}
+
+/// Writes the word lengths into the firmware of `checkout`, rebuilds it, and compares it in the emulator with
+/// the golden model. The old file is put back if the new one cannot be built or run.
+pub(super) fn apply(
+    checkout: &Checkout,
+    run: &RunOptions,
+    rewritten: impl Fn(&str, &str) -> Result<String, String>,
+    output: Output,
+) -> Result<Report, Failure> {
+    let file = checkout.wordlengths();
     let shown = file.display().to_string();
-    let before = read(&file)?;
+    let before = read_text(&file)?;
+    let text = rewritten(&before, &shown).map_err(Failure::input)?;
     write_whole("--apply", &file, text)?;
     output.note(&format!("written: {shown}; building and comparing"));
     let run = RunOptions {
         wordlengths: Some(file.clone()),
+        checkout: Some(checkout.root().to_owned()),
         ..run.clone()
     };
     match crate::commands::compare::comparison(&run) {
