@@ -2,10 +2,12 @@
 
 use std::fmt::Write as _;
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use cardan_datapath::{NodeInfo, table_hash};
 use cardan_firmware::nodes::NODES;
+
+use crate::shell::root;
 
 /// The header, in the workspace.
 const HEADER: &str = "firmware/c/nodes.h";
@@ -28,9 +30,7 @@ pub(crate) fn write() -> Result<bool, String> {
 }
 
 fn file() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR"))
-        .join("../..")
-        .join(HEADER)
+    root().join(HEADER)
 }
 
 fn header(nodes: &[NodeInfo]) -> String {

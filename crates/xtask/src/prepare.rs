@@ -14,6 +14,9 @@ pub(crate) const PYTHON: &str = "CARDAN_PYTHON";
 /// Python packages of the oracles.
 const PACKAGES: [&str; 3] = ["numpy", "scipy", "apytypes"];
 
+/// System packages that make environments.
+const VENV: [&str; 2] = ["python3", "python3-venv"];
+
 /// A part that is missing.
 struct Missing {
     name: String,
@@ -41,8 +44,8 @@ pub(crate) fn prepare() -> Result<bool, String> {
         .map(String::as_str)
         .collect();
     let wants_python = others.iter().any(|part| part.name == "python oracles");
-    if wants_python && !succeeds(command("python3", &["-c", "import venv, ensurepip"])) {
-        packages.extend(["python3", "python3-venv"]);
+    if wants_python && !has_venv() {
+        packages.extend(VENV);
     }
     install(&packages)?;
     if wants_python {
@@ -56,6 +59,18 @@ pub(crate) fn prepare() -> Result<bool, String> {
         );
     }
     Ok(left.is_empty())
+}
+
+/// Makes sure that Python can make environments.
+///
+/// # Errors
+/// It cannot, and what would let it cannot be installed.
+pub(crate) fn install_venv() -> Result<(), String> {
+    if has_venv() { Ok(()) } else { install(&VENV) }
+}
+
+fn has_venv() -> bool {
+    succeeds(command("python3", &["-c", "import venv, ensurepip"]))
 }
 
 /// The Python for the oracles: the caller's, or ours if it has been made.

@@ -5,10 +5,28 @@ use std::io::{BufRead, BufReader};
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-/// The workspace's folder.
+/// What recognises the workspace's folder.
+const MARK: &str = "crates/xtask/src/shell.rs";
+
+/// The workspace's folder: the one that Cargo runs this program of, else the one around the current folder.
+/// Never that which the program was compiled in: it may be another checkout, whose files are not meant.
+///
+/// # Errors
+/// Neither is one.
+pub(crate) fn find_root() -> Result<PathBuf, String> {
+    let package = std::env::var_os("CARGO_MANIFEST_DIR").map(PathBuf::from);
+    let here = std::env::current_dir().ok();
+    let starts = package.iter().chain(&here);
+    let mut folders = starts.flat_map(|start| start.ancestors());
+    let found = folders.find(|folder| folder.join(MARK).is_file());
+    found.map(Path::to_owned).ok_or_else(|| {
+        "this is no checkout of the repository; change into one and use `cargo xtask`".to_owned()
+    })
+}
+
+/// The workspace's folder, which `main` has found.
 pub(crate) fn root() -> PathBuf {
-    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
-    package.ancestors().nth(2).unwrap_or(package).to_owned()
+    find_root().unwrap_or_default()
 }
 
 /// Cargo's target folder.
@@ -75,6 +93,17 @@ pub(crate) fn output(mut command: Command) -> Result<String, String> {
         return Err(unusable(&command, &output.status));
     }
     Ok(String::from_utf8_lossy(&output.stdout).into_owned())
+}
+
+/// The rest of the first line that begins with `start`, of what a program prints that is there and succeeds.
+pub(crate) fn first_line(program: &OsStr, arguments: &[&str], start: &str) -> Option<String> {
+    let output = command(program, arguments)
+        .stderr(Stdio::null())
+        .output()
+        .ok()?;
+    let text = String::from_utf8_lossy(&output.stdout).into_owned();
+    let line = text.lines().find_map(|line| line.strip_prefix(start))?;
+    output.status.success().then(|| line.trim().to_owned())
 }
 
 /// Whether a command is there and succeeds.

@@ -4,6 +4,7 @@
 use std::process::Command;
 use std::time::Instant;
 
+use crate::deny;
 use crate::prepare::{PYTHON, oracle_python, prepare};
 use crate::shell::{cardan, cargo, command, run as run_command, run_watched};
 
@@ -21,14 +22,15 @@ struct Step {
     run: fn(&mut Counts) -> Result<bool, String>,
 }
 
-/// Tests counted so far.
+/// Tests counted so far, and what the last lines must say.
 #[derive(Default)]
 struct Counts {
     passed: u64,
     failed: u64,
+    remarks: Vec<String>,
 }
 
-const STEPS: [Step; 8] = [
+const STEPS: [Step; 9] = [
     Step {
         name: "fmt",
         is_ground: false,
@@ -43,6 +45,11 @@ const STEPS: [Step; 8] = [
         name: "prepare",
         is_ground: true,
         run: |_| prepare(),
+    },
+    Step {
+        name: "deny",
+        is_ground: false,
+        run: deny,
     },
     Step {
         name: "clippy",
@@ -123,7 +130,16 @@ fn report(results: &[(&str, bool, u64)], counts: &Counts) -> bool {
         counts.passed,
         counts.failed
     );
+    for remark in &counts.remarks {
+        println!("\n!! {remark}");
+    }
     bad == 0
+}
+
+fn deny(counts: &mut Counts) -> Result<bool, String> {
+    let (is_good, remark) = deny::check()?;
+    counts.remarks.extend(remark);
+    Ok(is_good)
 }
 
 fn fmt(_: &mut Counts) -> Result<bool, String> {
