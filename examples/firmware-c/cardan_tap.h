@@ -1,0 +1,1 @@
+../../firmware/c/cardan_tap.h
