@@ -2,6 +2,7 @@
 //!
 //! [`main`] is the whole program. [`rig`] is a session of `compare` as a library.
 
+mod arguments;
 mod ci;
 mod commands;
 mod dump;

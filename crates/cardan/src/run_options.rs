@@ -15,6 +15,7 @@ use clap::Args;
 
 mod stale;
 
+use crate::arguments::Arguments;
 use crate::eeprom_file;
 use crate::failure::Failure;
 use crate::files::{self, Plan};
@@ -275,23 +276,19 @@ impl RunOptions {
         }
     }
 
-    /// `--checkout` as arguments, for children.
-    pub(crate) fn checkout_arguments(&self) -> Vec<std::ffi::OsString> {
-        let given = self.checkout.iter();
-        given
-            .flat_map(|folder| ["--checkout".into(), folder.into()])
-            .collect()
+    /// The options as arguments with the checkout, for children and for commands on this machine.
+    pub(crate) fn arguments_here(&self) -> Arguments {
+        let mut arguments = self.arguments();
+        arguments.give_some("--checkout", self.checkout.as_ref());
+        arguments
     }
 
     /// The options as arguments: all that the result depends on.
-    pub(crate) fn arguments(&self) -> Vec<std::ffi::OsString> {
-        let mut arguments: Vec<std::ffi::OsString> = Vec::new();
-        let mut give = |name: &str, value: std::ffi::OsString| {
-            arguments.extend([name.into(), value]);
-        };
-        give("--app", (&self.app).into());
-        give("--scenario", (&self.scenario).into());
-        give("--seed", self.seed.to_string().into());
+    pub(crate) fn arguments(&self) -> Arguments {
+        let mut arguments = Arguments::default();
+        arguments.give("--app", &self.app);
+        arguments.give("--scenario", &self.scenario);
+        arguments.give("--seed", self.seed.to_string());
         let files = [
             ("--recording", &self.recording),
             ("--firmware", &self.firmware),
@@ -299,15 +296,11 @@ impl RunOptions {
             ("--wordlengths", &self.wordlengths),
         ];
         for (name, file) in files {
-            if let Some(file) = file {
-                give(name, file.into());
-            }
+            arguments.give_some(name, file.as_ref());
         }
-        if let Some(seconds) = self.seconds {
-            give("--seconds", seconds.to_string().into());
-        }
+        arguments.give_some("--seconds", self.seconds.map(|seconds| seconds.to_string()));
         for (key, value) in &self.set {
-            give("--set", format!("{key}={value}").into());
+            arguments.give("--set", format!("{key}={value}"));
         }
         arguments
     }

@@ -75,10 +75,5 @@ pub(crate) fn publish(
 
 /// The command that runs this comparison again.
 pub(crate) fn command_line(run: &RunOptions) -> String {
-    let mut line = "cardan compare".to_owned();
-    for argument in run.arguments() {
-        line.push(' ');
-        line.push_str(&argument.to_string_lossy());
-    }
-    line
+    format!("cardan compare{}", run.arguments().typed())
 }

@@ -49,6 +49,16 @@ pub enum Error {
         /// The admissible range with unit, or the condition.
         expected: String,
     },
+    /// A key to be set that there is not.
+    #[error(
+        "scenario: there is no key {key}{hint}; expected a numeric key of --print-scenario with its table"
+    )]
+    UnknownKey {
+        /// The key.
+        key: String,
+        /// The nearest one.
+        hint: String,
+    },
     /// A recording is not usable as a whole.
     #[error("recording {file}: {message}")]
     Recording {

@@ -511,9 +511,11 @@ impl Scenario {
 fn unknown_key(key: &str, keys: &[String]) -> Error {
     let keys: Vec<&str> = keys.iter().map(String::as_str).collect();
     let hint = syntax::nearest_key(key, &keys)
-        .map_or(String::new(), |near| format!("did you mean '{near}'? "));
-    let expected = format!("{hint}a numeric key of --print-scenario with its table");
-    range(key, "an unknown key", &expected)
+        .map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+    Error::UnknownKey {
+        key: key.to_owned(),
+        hint,
+    }
 }
 
 fn unknown(name: &str) -> Error {

@@ -9,6 +9,7 @@ use std::path::{Path, PathBuf};
 use cardan_compare::Report;
 use clap::Args;
 
+use crate::arguments::Arguments;
 use crate::failure::Failure;
 use crate::files::write_whole;
 use crate::output::Output;
@@ -62,18 +63,15 @@ impl CiOptions {
     }
 
     /// The options as arguments for a child process.
-    pub(crate) fn arguments(&self) -> Vec<std::ffi::OsString> {
-        let mut arguments: Vec<std::ffi::OsString> = Vec::new();
-        for (name, file) in [("--junit", &self.junit), ("--baseline", &self.baseline)] {
-            if let Some(file) = file {
-                arguments.extend([name.into(), file.into()]);
-            }
-        }
+    pub(crate) fn arguments(&self) -> Arguments {
+        let mut arguments = Arguments::default();
+        arguments.give_some("--junit", self.junit.as_ref());
+        arguments.give_some("--baseline", self.baseline.as_ref());
         if let (Some(margin), Some(_)) = (self.margin, &self.baseline) {
-            arguments.extend(["--margin".into(), margin.to_string().into()]);
+            arguments.give("--margin", margin.to_string());
         }
         if self.annotations {
-            arguments.push("--annotations".into());
+            arguments.switch("--annotations");
         }
         arguments
     }

@@ -16,6 +16,7 @@ use clap::Args;
 
 use super::corners::{self, CornerOptions};
 use super::explain;
+use crate::arguments::Arguments;
 use crate::dump;
 use crate::failure::{Done, Failure, code};
 use crate::judge;
@@ -164,34 +165,30 @@ fn participant(
         .stdout(Stdio::null());
     match role {
         Role::Native | Role::Golden => {
-            command.arg("--app").arg(&args.run.app);
-            if let Some(file) = &args.run.wordlengths {
-                command.arg("--wordlengths").arg(file);
-            }
+            let mut own = Arguments::default();
+            own.give("--app", &args.run.app);
+            own.give_some("--wordlengths", args.run.wordlengths.as_ref());
+            command.args(own);
         }
         Role::Emulated | Role::Diff => {
-            command.args(run.arguments()).args(run.checkout_arguments());
+            let mut own = run.arguments_here();
             for name in args.extras.dump.signals() {
-                command.arg("--dump-signal").arg(name);
+                own.give("--dump-signal", name);
             }
+            command.args(own);
         }
     }
     let mut participant = Participant::new(role, command);
     if role == Role::Diff {
+        let mut own = args.extras.ci.arguments();
         let shown = args.session.as_deref().unwrap_or(AUTOMATIC);
-        participant.command.arg("--report-session").arg(shown);
+        own.give("--report-session", shown);
         if output.is_json() {
-            participant.command.arg("--json");
+            own.switch("--json");
         }
-        for (name, path) in [
-            ("--report", args.extras.report.as_deref()),
-            ("--dump", args.extras.dump.file()),
-        ] {
-            if let Some(path) = path {
-                participant.command.arg(name).arg(path);
-            }
-        }
-        participant.command.args(args.extras.ci.arguments());
+        own.give_some("--report", args.extras.report.as_deref());
+        own.give_some("--dump", args.extras.dump.file());
+        participant.command.args(own);
         // Its text goes through a pipe, and is laid out for what this process writes to.
         let style = output.style();
         participant.command.env("COLUMNS", style.width.to_string());

@@ -219,8 +219,7 @@ fn compare(program: &std::path::Path, job: &Job) -> Result<Run, Failure> {
     let mut command = Command::new(program);
     command
         .args(["compare", "--in-process", "--json", "--quiet"])
-        .args(job.run.arguments())
-        .args(job.run.checkout_arguments())
+        .args(job.run.arguments_here())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped());
     supervise(&mut command);

@@ -109,11 +109,7 @@ fn write_report(folder: &Path, page: &str, output: Output) -> Result<(), Failure
 
 /// The command that finds the same again: every option that the result depends on.
 fn command_line(arguments: &Arguments) -> String {
-    let mut line = "cardan ranges".to_owned();
-    for argument in arguments.run.arguments() {
-        line.push(' ');
-        line.push_str(&argument.to_string_lossy());
-    }
+    let mut line = format!("cardan ranges{}", arguments.run.arguments().typed());
     for scenario in &arguments.also {
         let _ = write!(line, " --also {scenario}");
     }

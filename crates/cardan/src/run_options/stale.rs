@@ -36,19 +36,12 @@ pub(super) fn told(run: &RunOptions, firmware: &Firmware) -> Result<Option<Strin
         ),
         (false, true) => (native.to_owned(), "cargo run --release --", " --build"),
     };
-    let mut command = format!("{program} compare{build}");
     let without_image = RunOptions {
         firmware: None,
         ..run.clone()
     };
-    for argument in without_image.arguments() {
-        command.push(' ');
-        command.push_str(&argument.to_string_lossy());
-    }
-    for argument in run.checkout_arguments() {
-        command.push(' ');
-        command.push_str(&argument.to_string_lossy());
-    }
+    let arguments = without_image.arguments_here().typed();
+    let command = format!("{program} compare{build}{arguments}");
     let were = if is_image_stale && is_native_stale {
         "were"
     } else {

@@ -6,11 +6,7 @@ use super::Arguments;
 
 /// The command that finds the same again: every option that the result depends on.
 pub(super) fn command_line(arguments: &Arguments) -> String {
-    let mut line = "cardan tune".to_owned();
-    for argument in arguments.run.arguments() {
-        line.push(' ');
-        line.push_str(&argument.to_string_lossy());
-    }
+    let mut line = format!("cardan tune{}", arguments.run.arguments().typed());
     let mut give = |name: &str, value: &str| line.push_str(&format!(" {name} {value}"));
     for budget in &arguments.budget {
         give("--budget", &format!("'{budget}'"));
