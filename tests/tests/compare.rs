@@ -305,3 +305,61 @@ fn bad_wordlengths_are_refused() {
     .expect("writes");
     refused(&["compare", "--wordlengths", name], &["tilt_u"]);
 }
+
+#[test]
+fn a_printed_scenario_is_what_the_other_options_make_of_it_and_runs() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let set = ["--set", "climate.start_k=303", "--seconds", "0.3"];
+    let output = run(&[&["compare", "--print-scenario"], &set[..]].concat());
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let text = String::from_utf8(output.stdout).expect("text");
+    let printed: toml::Table = text.parse().expect("TOML");
+    assert_eq!(printed["climate"]["start_k"].as_float(), Some(303.0));
+    assert_eq!(printed["seconds"].as_float(), Some(0.3));
+    let file = folder.path().join("mine.toml");
+    std::fs::write(&file, text).expect("written");
+    let nodes = |arguments: &[&str]| {
+        document(&[&["compare", "--json", "--quiet"], arguments].concat())["nodes"].clone()
+    };
+    let own = nodes(&["--scenario", &file.to_string_lossy()]);
+    assert_eq!(own, nodes(&set));
+}
+
+#[test]
+fn what_would_have_no_effect_is_refused() {
+    for (arguments, parts) in [
+        (
+            &["compare", "--print-scenario", "--junit", "x.xml"][..],
+            &["--print-scenario", "--junit"][..],
+        ),
+        (
+            &["compare", "--explain", "yaw", "--baseline", "x.json"],
+            &["--explain", "--baseline"],
+        ),
+        (
+            &["compare", "--explain", "yaw", "--print-scenario"],
+            &["--explain", "--print-scenario"],
+        ),
+        (
+            &["tune", "--budget", "attitude.rms<=1", "--coefficients", "x"],
+            &["--coefficients x", "--cost area"],
+        ),
+    ] {
+        cardan_tests::assert_refused(&run(arguments), parts);
+    }
+}
+
+#[test]
+fn a_folder_may_have_a_name_like_an_option() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let output = std::process::Command::new(cardan_tests::cardan())
+        .args(["compare", "--quiet", "--seconds", "0.3", "--report=-inf"])
+        .args(["--junit=-x.xml", "--dump=-y.csv"])
+        .current_dir(folder.path())
+        .output()
+        .expect("runs");
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    for name in ["-inf/report.html", "-x.xml", "-y.csv"] {
+        assert!(folder.path().join(name).is_file(), "{name}");
+    }
+}

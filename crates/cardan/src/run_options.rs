@@ -145,21 +145,7 @@ impl RunOptions {
             Some(file) => read_wordlengths(file, app)?.1,
             None => None,
         };
-        let mut scenario = Scenario::load(&self.scenario).map_err(Failure::input)?;
-        let changed = self.changed_limits(&scenario);
-        if changed.is_some() {
-            scenario.tolerance = Tolerance::default();
-        }
-        if let Some(file) = &self.recording {
-            scenario = scenario.with_recording(file);
-            if let Some(name) = file.file_name() {
-                scenario.name = name.to_string_lossy().into_owned();
-            }
-        }
-        for (key, value) in &self.set {
-            scenario.set(key, *value).map_err(Failure::input)?;
-        }
-        scenario.check().map_err(Failure::input)?;
+        let (scenario, changed) = self.changed_scenario()?;
         check_nodes(&scenario, app)?;
         let seconds = self.seconds.unwrap_or(scenario.seconds);
         if !(seconds.is_finite() && seconds > 0.0 && seconds <= MOST_SECONDS) {
@@ -193,6 +179,26 @@ impl RunOptions {
             seconds,
             seed: self.seed,
         })
+    }
+
+    /// The scenario as the other options make it; and why the limits of the bundled one do not apply.
+    pub(crate) fn changed_scenario(&self) -> Result<(Scenario, Option<String>), Failure> {
+        let mut scenario = Scenario::load(&self.scenario).map_err(Failure::input)?;
+        let changed = self.changed_limits(&scenario);
+        if changed.is_some() {
+            scenario.tolerance = Tolerance::default();
+        }
+        if let Some(file) = &self.recording {
+            scenario = scenario.with_recording(file);
+            if let Some(name) = file.file_name() {
+                scenario.name = name.to_string_lossy().into_owned();
+            }
+        }
+        for (key, value) in &self.set {
+            scenario.set(key, *value).map_err(Failure::input)?;
+        }
+        scenario.check().map_err(Failure::input)?;
+        Ok((scenario, changed))
     }
 
     /// What of a bundled scenario is replaced, so that its limits on truth, stages, channels and flagged

@@ -11,7 +11,7 @@ use cardan_link::{
     Ending, Finished, Participant, Role, STALL_TIMEOUT, SessionId, Supervisor, SupervisorError,
     Transport,
 };
-use cardan_scenario::{Scenario, print_scenario};
+use cardan_scenario::print_scenario;
 use clap::Args;
 
 use super::corners::{self, CornerOptions};
@@ -51,12 +51,14 @@ pub(crate) struct CompareArgs {
     /// All participants as threads of this process
     #[arg(long)]
     in_process: bool,
-    /// Print the scenario with all its keys, units, defaults and sources, and stop
-    #[arg(long)]
+    /// Print the scenario, as the other options make it, with all its keys, units, defaults and sources, and
+    /// stop
+    #[arg(long, conflicts_with_all = ["session", "report", "dump", "junit", "baseline", "annotations"])]
     print_scenario: bool,
     /// Say what a node is, its unit, format, range and resolution, what enters it, what uses it, and its
     /// limit; `all` for every node; and stop
-    #[arg(long, value_name = "NODE", conflicts_with_all = ["corners", "session", "report", "dump"])]
+    #[arg(long, value_name = "NODE", conflicts_with_all = ["corners", "session", "report",
+        "dump", "junit", "baseline", "annotations", "print_scenario"])]
     explain: Option<String>,
     /// Write nodes.md and nodes.svg into this folder, and stop
     #[arg(long, value_name = "DIR", hide = true)]
@@ -71,7 +73,7 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
         return explain::write_documents(folder, &args.run, output);
     }
     if args.print_scenario {
-        return print(&args.run.scenario, output);
+        return print(&args.run, output);
     }
     args.extras.files(&args.run).check()?;
     let session: SessionId = match &args.session {
@@ -102,8 +104,9 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
 }
 
 /// Prints a scenario, as a file that is one; as JSON its keys and values.
-fn print(scenario: &str, output: Output) -> Done {
-    let scenario = Scenario::load(scenario).map_err(Failure::input)?;
+fn print(run: &RunOptions, output: Output) -> Done {
+    let (mut scenario, _) = run.changed_scenario()?;
+    scenario.seconds = run.seconds.unwrap_or(scenario.seconds);
     let text = print_scenario(&scenario);
     if output.is_json() {
         let values: toml::Value = toml::from_str(&text).map_err(Failure::participant)?;

@@ -266,6 +266,12 @@ fn options(arguments: &Arguments, setup: &Setup) -> Result<Options, Failure> {
         };
         read.map(Box::new).map_err(Failure::input)
     };
+    if let (CostName::Bits, Some(file)) = (arguments.cost, &arguments.coefficients) {
+        return Err(Failure::input(format!(
+            "--coefficients {}: bits are counted, not priced; add --cost area or --cost cycles, or leave it out",
+            file.display()
+        )));
+    }
     if let Some(seconds) = arguments.time
         && !(seconds.is_finite() && seconds > 0.0)
     {
