@@ -118,8 +118,8 @@ fn broken_hex_files_name_the_line() {
         2,
         "checksum",
     );
-    check(&format!(":0100000000FF\n:01000\n{end}"), 2, "");
-    check(&format!(":0100000000FF\nxyz\n{end}"), 2, "");
+    check(&format!(":0100000000FF\n:01000\n{end}"), 2, "too short");
+    check(&format!(":0100000000FF\nxyz\n{end}"), 2, "start code");
     check(&format!(":0100000000FF\n{end}:0100010000FE\n"), 3, "after");
     assert_eq!(problem(b":0100000000FF\n"), LoadProblem::HexNotEnded);
     assert_eq!(problem(end.as_bytes()), LoadProblem::NoProgram);

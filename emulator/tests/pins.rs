@@ -57,6 +57,7 @@ fn int0_counts_the_selected_edges_and_a_low_level_repeats() {
     machine.run(&mut bench, 500);
     // Entry 4 + JMP 3 + LDI 1 + OUT 1 + RETI 4, and one instruction of 1 or 2 cycles.
     let marks = bench.marks();
+    assert!(marks.len() > (500 - 100) / 15 - 2, "{marks:?}");
     assert!(
         marks
             .windows(2)

@@ -48,7 +48,7 @@ fn grid() -> impl Iterator<Item = [f64; 3]> {
 
 /// Largest error in degrees over all attitudes off the horizon, each from a cold start and none flagged.
 fn worst_over_all(field: Field, third: ThirdTilt, least_down: f64, length: f64) -> f64 {
-    let mut worst = 0_f64;
+    let (mut worst, mut judged) = (0_f64, 0);
     for [yaw, pitch, roll] in grid() {
         let truth = attitude(yaw, pitch, roll);
         let down = truth[2][2];
@@ -68,7 +68,9 @@ fn worst_over_all(field: Field, third: ThirdTilt, least_down: f64, length: f64) 
         assert_eq!(solution.flags, 0, "{yaw} {pitch} {roll} {field:?}");
         assert_eq!(device.saturated(), "", "{yaw} {pitch} {roll} {field:?}");
         worst = worst.max(error_degrees(&solution, &truth));
+        judged += 1;
     }
+    assert!(judged >= 1000, "{judged} of {}", grid().count());
     worst
 }
 

@@ -1,14 +1,11 @@
 //! The half-space flag on simulated rotations through upside-down and back.
 
-use cardan_golden::solve::{Memory, Third, solve_readings};
-use cardan_golden::{Angles, Attitude, EarthField, ideal_readings, rotation_angle, set_1_matrix};
-use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM, flags};
-use cardan_units::HalfTurns;
+mod common;
 
-const EARTH: EarthField = EarthField {
-    horizontal: 0.510_087_9,
-    vertical: 0.860_122_3,
-};
+use cardan_golden::solve::{Memory, Third, solve_readings};
+use cardan_golden::{Attitude, ideal_readings, rotation_angle};
+use cardan_spec::{HALF_SPACE_LEAST_DOWN_SQUARE, HALF_SPACE_LEAST_SUM, flags};
+use common::{EARTH, attitude};
 
 /// Whether the solution is flagged; if it is not, it must be the truth.
 fn flagged(attitude: &Attitude, memory: &mut Memory) -> bool {
@@ -24,14 +21,6 @@ fn flagged(attitude: &Attitude, memory: &mut Memory) -> bool {
         assert!(error < 1e-8, "unflagged and {error:e} degrees wrong");
     }
     is_flagged
-}
-
-fn attitude(yaw: f64, pitch: f64, roll: f64) -> Attitude {
-    set_1_matrix(Angles {
-        yaw: HalfTurns::from_degrees(yaw),
-        pitch: HalfTurns::from_degrees(pitch),
-        roll: HalfTurns::from_degrees(roll),
-    })
 }
 
 /// The flag that a motion must have, from the true attitudes alone: too steep, or the signs once lost

@@ -1,28 +1,18 @@
 //! The maximum-likelihood attitude: exact on exact readings, and a minimum on noisy ones.
 
+mod common;
+
 use cardan_golden::{
-    Angles, EarthField, Noise, Readings, ideal_readings, maximum_likelihood, rotation_angle,
-    set_1_matrix,
+    Angles, Noise, Readings, ideal_readings, maximum_likelihood, rotation_angle, set_1_matrix,
 };
 use cardan_units::HalfTurns;
+use common::{EARTH, angles};
 use proptest::prelude::*;
 
-const EARTH: EarthField = EarthField {
-    horizontal: 0.510_087_9,
-    vertical: 0.860_122_3,
-};
 const NOISE: Noise = Noise {
     tilt: 0.002,
     field: 0.003,
 };
-
-fn angles(yaw: f64, pitch: f64, roll: f64) -> Angles {
-    Angles {
-        yaw: HalfTurns::from_degrees(yaw),
-        pitch: HalfTurns::from_degrees(pitch),
-        roll: HalfTurns::from_degrees(roll),
-    }
-}
 
 fn cost(readings: &Readings, of: Angles) -> f64 {
     let expected = ideal_readings(&set_1_matrix(of), EARTH);

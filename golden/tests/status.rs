@@ -1,18 +1,19 @@
 //! Every status bit that the golden model computes, at its limit from both sides; motion's memory; and the
 //! attitudes of a measured third tilt axis.
 
+mod common;
+
 use cardan_golden::half_space::Vertical;
 use cardan_golden::solve::{Memory, Third, solve_readings};
 use cardan_golden::{
-    Angles, Attitude, EarthField, Readings, Solution, ideal_readings, node, rotation_angle,
-    set_1_matrix,
+    Attitude, EarthField, Readings, Solution, ideal_readings, node, rotation_angle,
 };
 use cardan_spec::timing::Averaging;
 use cardan_spec::{
     ACCELERATION_LIMIT, DOMAIN_MARGIN, FIELD_RESIDUAL_LIMIT, HALF_SPACE_LEAST_DOWN_SQUARE,
     HALF_SPACE_LEAST_SUM, INCONSISTENCY_LIMIT, YAW_LEAST_EAST_SQUARE, flags,
 };
-use cardan_units::HalfTurns;
+use common::attitude;
 use nalgebra::{Matrix3, Vector3};
 use proptest::prelude::*;
 
@@ -23,14 +24,6 @@ const EARTH: EarthField = EarthField {
 };
 /// By how much a quantity is moved off its limit.
 const STEP: f64 = 1e-7;
-
-fn attitude(yaw: f64, pitch: f64, roll: f64) -> Attitude {
-    set_1_matrix(Angles {
-        yaw: HalfTurns::from_degrees(yaw),
-        pitch: HalfTurns::from_degrees(pitch),
-        roll: HalfTurns::from_degrees(roll),
-    })
-}
 
 fn cold(readings: &Readings) -> Solution {
     solve_readings(readings, EARTH, &mut Memory::default(), &mut |_, _| {})

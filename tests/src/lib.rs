@@ -2,9 +2,12 @@
 
 pub mod program;
 
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
+
+use serde_json::Value;
 
 /// Root of the workspace.
 #[must_use]
@@ -63,6 +66,18 @@ pub fn stderr(output: &Output) -> String {
     String::from_utf8_lossy(&output.stderr).into_owned()
 }
 
+/// The one JSON document on standard output.
+///
+/// # Panics
+/// There is another thing: with what the program says.
+#[must_use]
+pub fn document(output: &Output) -> Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| {
+        let shown = String::from_utf8_lossy(&output.stdout);
+        panic!("{error}: {shown}{}", stderr(output))
+    })
+}
+
 /// The run was refused as bad input, with exit code 2 and a message that says all of `parts`.
 ///
 /// # Panics
@@ -73,4 +88,16 @@ pub fn assert_refused(output: &Output, parts: &[&str]) {
     for part in parts {
         assert!(said.contains(part), "says {said:?}, not {part:?}");
     }
+}
+
+/// Says why a test cannot run on this machine, where the test harness does not keep it to itself.
+///
+/// # Panics
+/// Where `CARDAN_ALL_TESTS` is set: nothing may be left out there.
+pub fn not_run(why: &str) {
+    assert!(
+        std::env::var_os("CARDAN_ALL_TESTS").is_none(),
+        "CARDAN_ALL_TESTS is set, and this test cannot run: {why}"
+    );
+    let _ = writeln!(std::io::stderr(), "NOT RUN: {why}");
 }

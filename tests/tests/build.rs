@@ -3,17 +3,12 @@
 use std::fs;
 use std::process::{Command, Output};
 
-use cardan_tests::{assert_refused, cardan, root, run, stderr};
+use cardan_tests::{assert_refused, cardan, document, root, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
 /// What the images may need at most.
 const BUDGETS: &str = "firmware/boards/atmega328p/images/budgets.toml";
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|error| panic!("{error}: {}", stderr(output)))
-}
 
 fn number(value: &Value) -> u64 {
     value
@@ -38,7 +33,7 @@ fn bare(arguments: &[&str]) -> Output {
 fn build_says_what_each_image_needs_of_the_controller() {
     let output = run(&["build", "--target", "atmega328p", "--json", "--quiet"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let document = json(&output);
+    let document = document(&output);
     assert!(
         document["toolchain"]["rustc"]
             .as_str()
@@ -119,7 +114,7 @@ fn other_formats_give_another_image_and_the_second_build_is_kept() {
         let target = ["build", "--target", "atmega328p", "--json", "--quiet"];
         let output = run(&[&target, arguments].concat());
         assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-        json(&output)["targets"][0]["images"].clone()
+        document(&output)["targets"][0]["images"].clone()
     };
     let other = build(&["--wordlengths", file]);
     assert_eq!(other, build(&["--wordlengths", file]));
@@ -207,7 +202,7 @@ fn without_a_linker_other_boards_name_it() {
 fn doctor_is_content_with_a_bare_machine_and_says_how_to_install_the_rest() {
     let output = bare(&["doctor", "--json", "--quiet"]);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
-    let document = json(&output);
+    let document = document(&output);
     assert_eq!(document["ready"], true);
     let parts = document["parts"].as_array().expect("a list");
     for part in parts {
@@ -244,7 +239,7 @@ fn doctor_is_content_with_a_bare_machine_and_says_how_to_install_the_rest() {
 
 #[test]
 fn doctor_finds_what_the_tests_run_with() {
-    let document = json(&run(&["doctor", "--json", "--quiet"]));
+    let document = document(&run(&["doctor", "--json", "--quiet"]));
     for name in [
         "shared memory",
         "rust",

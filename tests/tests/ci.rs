@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use cardan_tests::{assert_refused, cardan, root, run, stderr};
+use cardan_tests::{assert_refused, cardan, document, root, run, stderr};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -12,10 +12,6 @@ const RUN: [&str; 4] = ["compare", "--in-process", "--seconds", "1"];
 
 fn compare(more: &[&str]) -> Output {
     run(&[&RUN[..], more].concat())
-}
-
-fn document(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", stderr(output)))
 }
 
 /// Cases and failures as Python's XML reader sees them.
@@ -251,7 +247,9 @@ fn colour_is_for_terminals_or_on_demand_and_no_color_wins() {
             .env_remove("NO_COLOR")
             .env_remove("CLICOLOR_FORCE");
         command.envs(variables.iter().copied());
-        String::from_utf8_lossy(&command.output().expect("starts").stdout).into_owned()
+        let output = command.output().expect("starts");
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        String::from_utf8_lossy(&output.stdout).into_owned()
     };
     for more in [&[][..], &["--in-process"]] {
         assert!(!with(&[], more).contains('\u{1b}'), "a pipe");

@@ -3,7 +3,7 @@
 use std::fs;
 use std::process::Output;
 
-use cardan_tests::{run, stderr};
+use cardan_tests::{document, run, stderr};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -27,10 +27,6 @@ fn corners(text: &str, more: &[&str]) -> Output {
         fixed.extend(["--seconds", "0.2"]);
     }
     run(&[&fixed[..], more].concat())
-}
-
-fn document(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|_| panic!("{}", stderr(output)))
 }
 
 #[test]
@@ -82,7 +78,8 @@ fn a_unit_in_which_the_design_cannot_work_lowers_the_yield() {
     let failed = units.iter().filter(|run| run["verdict"] == "fail").count();
     let passed = found["yield"]["passed"].as_u64().expect("a count") as usize;
     assert_eq!(passed + failed, 6);
-    assert_eq!(output.status.code(), Some(i32::from(failed > 0)));
+    assert!(failed > 0 && passed > 0, "{failed} of 6 fail");
+    assert_eq!(output.status.code(), Some(1));
 }
 
 #[test]
@@ -137,12 +134,10 @@ fn a_yield_counts_the_error_against_truth_and_the_flagged_share() {
     let found = document(&output);
     let off = &found["runs"][1];
     assert_eq!(off["verdict"], "fail");
-    assert!(
-        off["truth_missed"] == true || off["too_flagged"] == true,
-        "{off}"
-    );
+    assert_eq!(off["truth_missed"], true, "{off}");
     let units = &found["runs"].as_array().expect("runs")[2..];
     let failed = |key: &str| units.iter().filter(|run| run[key] == true).count();
+    assert!(failed("truth_missed") > 0, "{units:?}");
     assert_eq!(found["yield"]["truth_missed"], failed("truth_missed"));
     assert_eq!(found["yield"]["too_flagged"], failed("too_flagged"));
     let passed = units.iter().filter(|run| run["verdict"] == "pass").count();
@@ -173,7 +168,9 @@ fn a_recording_without_reference_has_figures_against_golden_and_counts_its_solut
         &["--json", "--seconds", "1", "--recording", &recording],
     );
     let found = document(&output);
-    for run in found["runs"].as_array().expect("runs") {
+    let runs = found["runs"].as_array().expect("runs");
+    assert_eq!(runs.len(), 2, "nominal and warm");
+    for run in runs {
         assert_eq!(run["against"], "golden", "{run}");
         assert!(run["solutions"].as_u64() > Some(100), "{run}");
         assert!(run["rms_deg"].as_f64().expect("a figure") < 0.1, "{run}");
@@ -230,10 +227,10 @@ fn settings_take_what_messages_advise_and_name_the_nearest_key() {
             .chain(setting.split(' '))
             .collect();
         let output = run(&all);
-        assert_ne!(
-            output.status.code(),
-            Some(2),
-            "{setting}: {}",
+        let code = output.status.code();
+        assert!(
+            matches!(code, Some(0 | 1)),
+            "{setting}: {code:?}: {}",
             stderr(&output)
         );
     }

@@ -7,7 +7,7 @@ use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use cardan_tests::{assert_refused, cardan, run, stderr};
+use cardan_tests::{assert_refused, cardan, not_run, run, stderr};
 use tempfile::TempDir;
 
 const SHORT: [&str; 3] = ["compare", "--seconds", "0.2"];
@@ -256,7 +256,7 @@ fn mounts(disk: &Path, kib: u32) -> bool {
         .status();
     let is_mounted = mounted.is_ok_and(|status| status.success());
     if !is_mounted {
-        eprintln!("NOT RUN: a small disk can be mounted by root only");
+        not_run("a small disk can be mounted by root only");
     }
     is_mounted
 }

@@ -1,5 +1,6 @@
 //! What a user reads: help, completions, pages of the manual, what nodes are, which node is to blame.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::process::Output;
 
@@ -46,12 +47,47 @@ fn help_of_every_verb_has_examples_and_exit_codes() {
     assert!(top.contains("Examples:") && top.contains("Exit codes:"));
 }
 
+/// The long options of a verb by its help.
+fn options(verb: &str) -> Vec<String> {
+    let help = stdout(&run(&[verb, "--help"]));
+    let list = help
+        .split("\nOptions:\n")
+        .nth(1)
+        .expect("every verb has options");
+    let list = list.split("\n\n").next().expect("a list");
+    let option = |line: &str| {
+        let name = line.trim_start().split("--").nth(1)?;
+        let name = name
+            .split(|c: char| !c.is_alphanumeric() && c != '-')
+            .next()?;
+        line.trim_start()
+            .starts_with('-')
+            .then(|| format!("--{name}"))
+    };
+    list.lines().filter_map(option).collect()
+}
+
 #[test]
 fn completions_and_manual_know_every_verb_and_option() {
+    let options = VERBS.map(|verb| (verb, options(verb)));
+    let all: usize = options.iter().map(|(_, options)| options.len()).sum();
+    assert!(all > 100, "{all} options");
     for shell in ["bash", "zsh", "fish", "elvish", "powershell"] {
         let text = stdout(&run(&["completions", shell]));
-        for word in ["compare", "wordlengths", "baseline"] {
-            assert!(text.contains(word), "{shell}: {word}");
+        let words: BTreeSet<&str> = text
+            .split(|c: char| !c.is_alphanumeric() && c != '-')
+            .collect();
+        for (verb, options) in &options {
+            assert!(words.contains(verb), "{shell}: {verb}");
+            for option in options {
+                // Fish takes a long option's name without its dashes.
+                let word = if shell == "fish" {
+                    &option[2..]
+                } else {
+                    option
+                };
+                assert!(words.contains(word), "{shell}: {option} of {verb}");
+            }
         }
     }
     assert_refused(&run(&["completions", "tcsh"]), &["bash"]);
@@ -59,11 +95,21 @@ fn completions_and_manual_know_every_verb_and_option() {
     let folder = TempDir::new().expect("a folder");
     let pages = folder.path().join("man1");
     stdout(&run(&["man", "--out", &pages.to_string_lossy()]));
-    for verb in VERBS {
+    for (verb, options) in &options {
         let page = fs::read_to_string(pages.join(format!("cardan-{verb}.1"))).expect(verb);
         assert!(page.contains("Exit codes:"), "{verb}");
+        for option in options {
+            let entry = format!("\\fB{}\\fR", option.replace('-', "\\-"));
+            assert!(
+                page.contains(&format!("\n{entry}")) || page.contains(&format!(", {entry}")),
+                "{verb}: {option}"
+            );
+        }
     }
 }
+
+/// What is sent, and what only raises status bits.
+const OUTPUTS: [&str; 5] = ["pitch", "roll", "vertical_sum", "residual", "limit"];
 
 #[test]
 fn every_node_has_a_meaning_and_says_what_enters_it_and_what_uses_it() {
@@ -87,6 +133,33 @@ fn every_node_has_a_meaning_and_says_what_enters_it_and_what_uses_it() {
             "{name}"
         );
     }
+    let names = |node: &Value, key: &str| -> BTreeSet<String> {
+        let list = node[key].as_array().expect("a list");
+        list.iter()
+            .map(|name| name.as_str().expect("text").to_owned())
+            .collect()
+    };
+    let mut uses = 0;
+    for node in all {
+        let name = node["name"].as_str().expect("text");
+        // What one says that it uses says so too.
+        for (made_of, used_by) in [("inputs", "users"), ("earlier_inputs", "later_users")] {
+            let makers = all
+                .iter()
+                .filter(|other| names(other, used_by).contains(name));
+            let makers: BTreeSet<String> = makers
+                .map(|other| other["name"].as_str().expect("text").to_owned())
+                .collect();
+            assert_eq!(names(node, made_of), makers, "{name}: {made_of}");
+            uses += makers.len();
+        }
+        let is_used = !names(node, "users").is_empty() || !names(node, "later_users").is_empty();
+        assert!(
+            is_used || OUTPUTS.contains(&name),
+            "{name} is used by nothing"
+        );
+    }
+    assert!(uses > 150, "{uses} uses");
     let octant = all
         .iter()
         .find(|node| node["name"] == "octant")

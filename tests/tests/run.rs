@@ -7,7 +7,7 @@ use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
 use cardan_tests::program::{announced, compile, folder, hex_text, start, text, to_hex, write};
-use cardan_tests::{cardan, run, stderr};
+use cardan_tests::{cardan, document, run, stderr};
 use serde_json::Value;
 
 /// `ldi r24, 7`; `break`.
@@ -26,16 +26,6 @@ fn words(words: &[u16], arguments: &[&str]) -> Output {
     run(&[&["run", text(&file)], arguments].concat())
 }
 
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout).unwrap_or_else(|error| {
-        panic!(
-            "{error}: {}{}",
-            String::from_utf8_lossy(&output.stdout),
-            stderr(output)
-        )
-    })
-}
-
 fn code(output: &Output) -> i32 {
     output.status.code().expect("it ends by itself")
 }
@@ -48,7 +38,7 @@ fn each_way_a_program_ends_has_its_name_its_cycles_and_its_place() {
         (&HALT[..], "halt", 1, 2),
     ] {
         let output = words(program, &["--json"]);
-        let document = json(&output);
+        let document = document(&output);
         assert_eq!(code(&output), 0, "{}", stderr(&output));
         assert_eq!(document["stop"], stop);
         assert_eq!(document["cycles"], cycles, "{stop}");
@@ -58,7 +48,7 @@ fn each_way_a_program_ends_has_its_name_its_cycles_and_its_place() {
     }
     let output = words(&[0x0000, 0xCFFE], &["--json", "--cycles", "1000"]);
     assert_eq!(
-        (code(&output), &json(&output)["stop"]),
+        (code(&output), &document(&output)["stop"]),
         (0, &"limit".into())
     );
 }
@@ -66,7 +56,7 @@ fn each_way_a_program_ends_has_its_name_its_cycles_and_its_place() {
 #[test]
 fn a_crash_exits_with_4_says_where_and_still_prints_the_document() {
     let output = words(&INVALID, &["--json"]);
-    let document = json(&output);
+    let document = document(&output);
     assert_eq!(code(&output), 4);
     assert_eq!(document["stop"], "crash");
     assert_eq!(document["pc"], 2);
@@ -112,7 +102,7 @@ fn serial_bytes_go_to_standard_output_and_beside_json_to_standard_error() {
             (b"hello\n".to_vec(), vec![])
         );
         let output = run(&["run", text(&file), "--json", "--quiet"]);
-        let document = json(&output);
+        let document = document(&output);
         assert_eq!(document["uart0_bytes"], 6);
         assert_eq!(document["registers"][24], 42);
         assert_eq!(document["stop"], "halt");
@@ -132,7 +122,7 @@ fn two_runs_differ_in_host_times_only() {
     let folder = folder();
     let elf = compile("convert", folder.path());
     let document = || {
-        let mut document = json(&run(&["run", text(&elf), "--json", "--adc", "0=1.25"]));
+        let mut document = document(&run(&["run", text(&elf), "--json", "--adc", "0=1.25"]));
         for name in ["host_seconds", "mcycles_per_second"] {
             assert!(document[name].is_f64(), "{name}");
             document[name] = Value::Null;

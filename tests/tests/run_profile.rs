@@ -6,15 +6,10 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
 use cardan_tests::program::{compile_with, folder, hex_text, text, write};
-use cardan_tests::{run, stderr};
+use cardan_tests::{document, run, stderr};
 use serde_json::Value;
 
 const DEBUG: [&str; 1] = ["-gdwarf-4"];
-
-fn json(output: &Output) -> Value {
-    serde_json::from_slice(&output.stdout)
-        .unwrap_or_else(|error| panic!("{error}: {}", stderr(output)))
-}
 
 fn profiled(folder: &Path, arguments: &[&str]) -> (PathBuf, Output) {
     let elf = compile_with("profiled", folder, &DEBUG);
@@ -34,8 +29,8 @@ fn sum(list: &Value, name: &str) -> u64 {
 fn the_document_accounts_for_every_cycle_and_changes_nothing_else() {
     let folder = folder();
     let (elf, with) = profiled(folder.path(), &["--profile", "--json"]);
-    let mut with = json(&with);
-    let mut without = json(&run(&["run", text(&elf), "--adc", "0=2.5", "--json"]));
+    let mut with = document(&with);
+    let mut without = document(&run(&["run", text(&elf), "--adc", "0=2.5", "--json"]));
     let profile = with["profile"].take();
     with.as_object_mut().expect("a document").remove("profile");
     for document in [&mut with, &mut without] {
@@ -184,7 +179,7 @@ fn inferno_draws_a_flame_graph_of_the_call_paths() {
         .map(|line| line.rsplit_once(' ').expect("STACK COUNT").1)
         .map(|count| count.parse::<u64>().expect("a count"))
         .sum();
-    assert_eq!(cycles, json(&output)["cycles"]);
+    assert_eq!(cycles, document(&output)["cycles"]);
     let mut options = inferno::flamegraph::Options::default();
     let mut picture = Vec::new();
     inferno::flamegraph::from_lines(&mut options, folded.lines(), &mut picture)
@@ -193,10 +188,10 @@ fn inferno_draws_a_flame_graph_of_the_call_paths() {
     for name in ["main", "filter", "ADC", "(asleep)"] {
         assert!(picture.contains(&format!("<title>{name} (")), "no {name}");
     }
-    let document: Value =
+    let written: Value =
         serde_json::from_str(&fs::read_to_string(out.join("profile.json")).expect("written"))
             .expect("JSON");
-    assert_eq!(document, json(&output)["profile"]);
+    assert_eq!(written, document(&output)["profile"]);
     let listing = fs::read_to_string(out.join("listing.txt")).expect("written");
     assert!(
         listing.contains("filter:") && listing.contains("sleep"),
@@ -213,7 +208,7 @@ fn a_program_without_names_is_profiled_all_the_same() {
         hex_text(&[0xE089, 0xD001, 0xCFFF, 0x9508]),
     );
     let output = run(&["run", text(&file), "--profile", "--json"]);
-    let document = json(&output);
+    let document = document(&output);
     let profile = &document["profile"];
     assert_eq!(profile["functions"][0]["self_cycles"], document["cycles"]);
     assert_eq!(profile["functions"][0]["name"], Value::Null);
@@ -257,7 +252,7 @@ fn crashes_and_odd_accesses_are_told_with_function_and_source_line() {
         said.contains("beyond the end of SRAM, in crash (faulty.c:8)"),
         "{said}"
     );
-    let document = json(&output);
+    let document = document(&output);
     assert_eq!(document["crash"]["function"], "crash");
     assert_eq!(document["crash"]["line"], 8);
     assert!(

@@ -312,6 +312,7 @@ fn names_that_are_no_signal_are_refused_with_what_was_meant() {
     let dump = folder.path().join("none.vcd");
     let twice = ["--vcd-signal", "PB0", "--vcd-signal", "PB0"];
     let output = run(&[&["run", text(&elf), "--vcd", text(&dump)], &twice[..]].concat());
+    assert_eq!(output.status.code(), Some(2));
     assert!(stderr(&output).contains("twice"));
     let output = run(&["run", text(&elf), "--vcd-signal", "PB0"]);
     assert_eq!(output.status.code(), Some(2), "without --vcd");

@@ -1,80 +1,27 @@
 //! The engines agree on a short run of the bundled scenario.
 
+mod rig;
+
+use cardan_bench::App;
 use cardan_bench::app::{Configuration, Feed};
 use cardan_bench::attitude::Attitude;
-use cardan_bench::image::Firmware;
-use cardan_bench::{App, Conversion, Engine, Sink, SinkError, Summary, Truth};
 use cardan_scenario::Scenario;
 
-/// Everything an engine shows.
-#[derive(Default)]
-struct Recorder {
-    conversions: Vec<Conversion>,
-    words: Vec<Vec<i64>>,
-    reals: Vec<Vec<f64>>,
-    frames: Vec<Vec<u8>>,
-    truths: Vec<Truth>,
-}
+use rig::{Recorder, largest, run};
 
-fn push<T>(streams: &mut Vec<Vec<T>>, node: usize, value: T) {
-    if streams.len() <= node {
-        streams.resize_with(node + 1, Vec::new);
-    }
-    streams[node].push(value);
-}
-
-impl Sink for Recorder {
-    fn conversion(&mut self, conversion: &Conversion) -> Result<(), SinkError> {
-        self.conversions.push(*conversion);
-        Ok(())
-    }
-    fn word(&mut self, node: usize, raw: i64, _: u64) -> Result<(), SinkError> {
-        push(&mut self.words, node, raw);
-        Ok(())
-    }
-    fn real(&mut self, node: usize, value: f64, _: u64) -> Result<(), SinkError> {
-        push(&mut self.reals, node, value);
-        Ok(())
-    }
-    fn frame(&mut self, _: u64, bytes: &[u8]) -> Result<(), SinkError> {
-        self.frames.push(bytes.to_vec());
-        Ok(())
-    }
-    fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
-        self.truths.push(*truth);
-        Ok(())
-    }
-}
-
-fn run(mut engine: Box<dyn Engine>, conversions: &[Conversion]) -> (Recorder, Summary) {
-    let mut recorder = Recorder::default();
-    let mut feed = conversions.iter().copied().map(Ok);
-    let summary = engine.run(&mut feed, &mut recorder).expect("runs");
-    (recorder, summary)
-}
-
-fn emulate(scenario: &str, seconds: f64) -> (Configuration, Recorder, Summary) {
-    let scenario = Scenario::load(scenario).expect("is bundled");
-    let firmware =
-        Firmware::parse("tapped.elf", Attitude.bundled(true).expect("bundled")).expect("parses");
-    firmware
-        .check_formats(Attitude.nodes(), Attitude.formats_hash())
-        .expect("same formats");
-    let (configuration, mut device) = Attitude
-        .emulated(&scenario, 1, seconds, &firmware)
-        .expect("fits");
-    let mut recorder = Recorder::default();
-    let summary = device.run(&mut recorder).expect("runs");
-    (configuration, recorder, summary)
+/// The bundled scenario on the emulated controller.
+fn tumble(seconds: f64) -> (Configuration, Recorder) {
+    let scenario = Scenario::load("tumble").expect("is bundled");
+    let (configuration, emulated, summary) = rig::emulate(&scenario, seconds, true);
+    assert_eq!(summary.crash, None);
+    assert_eq!((summary.late_conversions, summary.lost_conversions), (0, 0));
+    (configuration, emulated)
 }
 
 #[test]
-fn native_and_emulated_agree_in_every_bit_and_golden_is_near() {
-    let (configuration, emulated, summary) = emulate("tumble", 2.0);
-    println!("{summary:?}");
+fn native_and_emulated_agree_in_every_bit() {
+    let (configuration, emulated) = tumble(2.0);
     let conversions = &emulated.conversions;
-    assert_eq!(summary.crash, None);
-    assert_eq!((summary.late_conversions, summary.lost_conversions), (0, 0));
     assert_eq!(
         conversions.len() as u64,
         (configuration.solutions + 12) * 64
@@ -83,6 +30,8 @@ fn native_and_emulated_agree_in_every_bit_and_golden_is_near() {
         Attitude.native(&configuration, None).expect("runs"),
         conversions,
     );
+    assert_eq!(native.frames.len() as u64, configuration.solutions);
+    assert_eq!(native.words.len(), Attitude.nodes().len());
     assert_eq!(native.frames, emulated.frames);
     assert_eq!(native.words, emulated.words);
     let formats: Vec<_> = Attitude.nodes().iter().map(|node| node.format).collect();
@@ -92,55 +41,97 @@ fn native_and_emulated_agree_in_every_bit_and_golden_is_near() {
     let (tunable, _) = run(tunable, conversions);
     assert_eq!(tunable.words, native.words);
     assert_eq!(tunable.frames, native.frames);
-    let (golden, _) = run(Attitude.golden(&configuration, Feed::Codes), conversions);
-    let (real, _) = run(
-        Attitude.real(&configuration, 0, None).expect("runs"),
-        conversions,
-    );
+}
+
+/// The way from `b` to `a` in the node's unit, the short one where that is an angle.
+fn difference(unit: &str, a: f64, b: f64) -> f64 {
+    match unit {
+        "half_turn" => (a - b) - 2.0 * ((a - b) / 2.0).round(),
+        _ => a - b,
+    }
+}
+
+#[test]
+fn golden_is_near_native_in_every_node_and_nearer_to_the_real_interpretation() {
+    let (configuration, emulated) = tumble(2.0);
+    let conversions = &emulated.conversions;
+    let show = |engine| run(engine, conversions).0;
+    let native = show(Attitude.native(&configuration, None).expect("runs"));
+    let golden = show(Attitude.golden(&configuration, Feed::Codes));
+    let real = show(Attitude.real(&configuration, 0, None).expect("runs"));
+    let allowed = Attitude.tolerances();
     for (shared, node) in Attitude.golden_nodes().into_iter().enumerate() {
         let info = Attitude.nodes()[node];
-        let (mut worst, mut algorithm) = (0.0_f64, 0.0_f64);
-        for ((golden, real), raw) in golden.reals[shared]
-            .iter()
-            .zip(&real.reals[node])
-            .zip(&native.words[node])
-        {
-            let wrap = |d: f64| {
-                if info.unit == "half_turn" {
-                    d - 2.0 * (d / 2.0).round()
-                } else {
-                    d
-                }
-            };
-            worst = worst.max(wrap(info.format.real(*raw) - golden).abs());
-            algorithm = algorithm.max(wrap(real - golden).abs());
-        }
-        println!(
-            "{:16} {:6} native-golden {worst:.3e} ({:.2} LSB) real-golden {algorithm:.3e}",
-            info.name,
-            golden.reals[shared].len(),
-            worst / info.format.lsb()
+        let (golden, real) = (&golden.reals[shared], &real.reals[node]);
+        let words = &native.words[node];
+        assert!(
+            golden.len() as u64 >= configuration.solutions,
+            "{}",
+            info.name
         );
+        assert_eq!(
+            (golden.len(), golden.len()),
+            (real.len(), words.len()),
+            "{}",
+            info.name
+        );
+        let rounding = largest(
+            (golden.iter().zip(words))
+                .map(|(&golden, &raw)| difference(info.unit, info.format.real(raw), golden)),
+        );
+        let algorithm = largest(
+            (golden.iter().zip(real)).map(|(&golden, &real)| difference(info.unit, real, golden)),
+        );
+        println!(
+            "{:16} native-golden {rounding:.3e} ({:.2} LSB) real-golden {algorithm:.3e}",
+            info.name,
+            rounding / info.format.lsb()
+        );
+        let most = allowed.iter().find(|allowed| allowed.node == info.name);
+        let most = most.expect("every shared node has a limit").max_abs + SETTINGS;
+        assert!(
+            algorithm <= most,
+            "{}: {algorithm:e} of {most:e}",
+            info.name
+        );
+        let most = MOST_STEPS * info.format.lsb();
+        assert!(rounding <= most, "{}: {rounding:e} of {most:e}", info.name);
     }
-    let mut sum = 0.0;
+}
+
+/// What settings with 28 fractional bits leave of 1 over the horizontal field, which golden has exactly.
+const SETTINGS: f64 = 1.0 / (1_u64 << 27) as f64;
+
+/// Steps of a node's word by which rounding may take it from golden in this run.
+const MOST_STEPS: f64 = 8.0;
+
+#[test]
+fn frames_tell_the_yaw_of_the_truth_to_the_sensors_noise() {
+    let (configuration, emulated) = tumble(2.0);
+    assert_eq!(emulated.frames.len() as u64, configuration.solutions);
+    assert_eq!(emulated.truths.len(), emulated.frames.len());
+    let mut squares = Vec::new();
     for (truth, frame) in emulated.truths.iter().zip(&emulated.frames) {
         let (angles, flags) = Attitude.decode_frame(frame).expect("whole");
-        let truth = truth
-            .yaw_pitch_roll_rad
-            .expect("synthetic")
-            .map(f64::to_degrees);
-        let error = (angles[0] * 180.0 - truth[0] + 540.0).rem_euclid(360.0) - 180.0;
-        sum += error * error;
-        if sum < 0.0 {
-            println!("{flags}");
+        let [yaw, ..] = truth.yaw_pitch_roll_rad.expect("synthetic");
+        let error = 180.0 * difference("half_turn", angles[0], yaw / std::f64::consts::PI);
+        if flags == 0 {
+            squares.push(error * error);
         }
     }
-    println!("yaw rms {}", (sum / emulated.truths.len() as f64).sqrt());
+    assert!(
+        squares.len() * 10 > emulated.frames.len() * 9,
+        "{} unflagged",
+        squares.len()
+    );
+    let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+    println!("yaw rms {rms} degrees");
+    assert!(rms > 0.1 && rms < 2.0, "{rms} degrees");
 }
 
 #[test]
 fn rounding_steps_are_the_real_interpretation_with_the_first_nodes_rounded() {
-    let (configuration, emulated, _) = emulate("tumble", 1.0);
+    let (configuration, emulated) = tumble(1.0);
     let steps = Attitude
         .rounding_steps(&configuration, None, &emulated.conversions)
         .expect("deployed formats");

@@ -1,60 +1,17 @@
 //! A device that measures its third tilt axis: five channels on their schedule, the same bits on the host,
 //! golden near, whatever is averaged.
 
-use cardan_bench::app::{Configuration, Feed};
+mod rig;
+
+use cardan_bench::App;
+use cardan_bench::app::Feed;
 use cardan_bench::attitude::Attitude;
 use cardan_bench::image::Firmware;
-use cardan_bench::{App, Conversion, Engine, Sink, SinkError, Summary, Truth};
 use cardan_scenario::Scenario;
 use cardan_spec::timing::CONVERSION_CYCLES;
 use cardan_spec::{MOST_CHANNELS, ThirdTilt, frame};
 
-/// Everything an engine shows.
-#[derive(Default)]
-struct Recorder {
-    conversions: Vec<Conversion>,
-    words: Vec<Vec<i64>>,
-    reals: Vec<Vec<f64>>,
-    frames: Vec<Vec<u8>>,
-    truths: Vec<Truth>,
-}
-
-fn push<T>(streams: &mut Vec<Vec<T>>, node: usize, value: T) {
-    if streams.len() <= node {
-        streams.resize_with(node + 1, Vec::new);
-    }
-    streams[node].push(value);
-}
-
-impl Sink for Recorder {
-    fn conversion(&mut self, conversion: &Conversion) -> Result<(), SinkError> {
-        self.conversions.push(*conversion);
-        Ok(())
-    }
-    fn word(&mut self, node: usize, raw: i64, _: u64) -> Result<(), SinkError> {
-        push(&mut self.words, node, raw);
-        Ok(())
-    }
-    fn real(&mut self, node: usize, value: f64, _: u64) -> Result<(), SinkError> {
-        push(&mut self.reals, node, value);
-        Ok(())
-    }
-    fn frame(&mut self, _: u64, bytes: &[u8]) -> Result<(), SinkError> {
-        self.frames.push(bytes.to_vec());
-        Ok(())
-    }
-    fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
-        self.truths.push(*truth);
-        Ok(())
-    }
-}
-
-fn run(mut engine: Box<dyn Engine>, conversions: &[Conversion]) -> (Recorder, Summary) {
-    let mut recorder = Recorder::default();
-    let mut feed = conversions.iter().copied().map(Ok);
-    let summary = engine.run(&mut feed, &mut recorder).expect("runs");
-    (recorder, summary)
-}
+use rig::{emulate, largest, node, run, shared};
 
 fn scenario(averaging: f64, period: f64) -> Scenario {
     let mut scenario = Scenario::load("somersault").expect("is bundled");
@@ -64,29 +21,6 @@ fn scenario(averaging: f64, period: f64) -> Scenario {
         .expect("a key");
     scenario.set("controller.period", period).expect("a key");
     scenario
-}
-
-fn emulate(scenario: &Scenario, seconds: f64, tapped: bool) -> (Configuration, Recorder, Summary) {
-    let image = Attitude.bundled(tapped).expect("bundled");
-    let firmware = Firmware::parse("bundled.elf", image).expect("parses");
-    let (configuration, mut device) = Attitude
-        .emulated(scenario, 1, seconds, &firmware)
-        .expect("fits");
-    let mut recorder = Recorder::default();
-    let summary = device.run(&mut recorder).expect("runs");
-    (configuration, recorder, summary)
-}
-
-fn node(name: &str) -> usize {
-    let found = Attitude.nodes().iter().position(|node| node.name == name);
-    found.expect("a node of that name")
-}
-
-fn shared(name: &str) -> usize {
-    let at = node(name);
-    let golden = Attitude.golden_nodes();
-    let found = golden.iter().position(|&index| index == at);
-    found.expect("golden knows it")
 }
 
 const AVERAGINGS: [(f64, f64); 6] = [
@@ -167,8 +101,7 @@ fn golden_reads_the_third_axis_as_native_does_and_as_it_truly_is() {
     };
     let worst = |one: &[f64], other: &[f64]| {
         assert!(one.len() == other.len() && one.len() as u64 == configuration.solutions);
-        let off = one.iter().zip(other).map(|(a, b)| (a - b).abs());
-        off.fold(0.0, f64::max)
+        largest(one.iter().zip(other).map(|(a, b)| a - b))
     };
     let (codes, volts, direct) = (
         golden(Feed::Codes),
@@ -195,6 +128,7 @@ fn golden_reads_the_third_axis_as_native_does_and_as_it_truly_is() {
         least < -0.5 && most > 0.5 && least >= -1.0 && most <= 1.0,
         "{least} {most}"
     );
+    assert_eq!(direct.len(), emulated.truths.len());
     for (told, truth) in direct.iter().zip(&emulated.truths) {
         let [_, pitch, roll] = truth.yaw_pitch_roll_rad.expect("synthetic");
         let down = libm::cos(pitch) * libm::cos(roll);
@@ -218,8 +152,13 @@ fn the_schedule_is_kept_whatever_the_settings() {
             ] {
                 let mut scenario = scenario(length, period);
                 scenario.sensors.third_tilt = kind;
-                let (_, _, summary) = emulate(&scenario, 0.2, tapped);
+                let (configuration, shown, summary) = emulate(&scenario, 0.2, tapped);
                 let what = format!("{kind:?}, {length} of {period}, tapped {tapped}");
+                let timing = configuration.averaging();
+                assert!(configuration.solutions > 0, "{what}");
+                let conversions = timing.warm_up_conversions() as u64
+                    + configuration.solutions * timing.conversions() as u64;
+                assert_eq!(shown.conversions.len() as u64, conversions, "{what}");
                 let counts = [
                     summary.late_conversions,
                     summary.lost_conversions,
@@ -239,6 +178,7 @@ fn frames_carry_the_fifth_average_also_without_taps() {
     let (native, _) = run(native, &plain.conversions);
     assert_eq!(plain.frames, native.frames);
     let averages = native.words[node("average")].chunks(MOST_CHANNELS);
+    assert_eq!(averages.len(), plain.frames.len());
     for (frame, averages) in plain.frames.iter().zip(averages) {
         assert_eq!(frame.len(), frame::MOST_WIRE_LEN);
         assert!(Attitude.decode_frame(frame).is_some());

@@ -314,7 +314,7 @@ fn nodes(setup: &Setup, collected: &Collected, solutions: usize) -> Result<Vec<N
 }
 
 /// The nodes whose values enter a node.
-pub(crate) fn inputs_of(flow: &Flow, node: usize, nodes: &[NodeInfo]) -> Vec<NodeInput> {
+fn inputs_of(flow: &Flow, node: usize, nodes: &[NodeInfo]) -> Vec<NodeInput> {
     let entering = flow.edges.iter().filter(|edge| edge.to == node);
     let named = entering.filter_map(|edge| {
         Some(NodeInput {

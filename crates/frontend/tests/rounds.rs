@@ -58,10 +58,10 @@ fn means(values: &[f64], length: usize) -> Vec<f64> {
     values.windows(length).map(mean).collect()
 }
 
+/// The largest size; what is no number is larger than all.
 fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
-    values
-        .into_iter()
-        .fold(0.0, |most, value| most.max(value.abs()))
+    let sizes = values.into_iter().map(f64::abs);
+    sizes.max_by(f64::total_cmp).expect("values")
 }
 
 #[test]

@@ -55,15 +55,21 @@ fn number(value: &Value, r: usize, c: usize) -> f64 {
 
 /// Largest difference between the oracle's matrix and columns of ours, over its largest element.
 fn relative_error<const R: usize, const C: usize>(oracle: &Value, ours: &[[f64; R]; C]) -> f64 {
-    let (mut worst, mut largest) = (0.0_f64, 0.0_f64);
+    let (mut errors, mut sizes) = (Vec::new(), Vec::new());
     for (c, column) in ours.iter().enumerate() {
         for (r, value) in column.iter().enumerate() {
             let exact = number(oracle, r, c);
-            worst = worst.max((exact - value).abs());
-            largest = largest.max(exact.abs());
+            errors.push(exact - value);
+            sizes.push(exact);
         }
     }
-    worst / largest
+    largest(errors) / largest(sizes)
+}
+
+/// The largest size; what is no number is larger than all.
+fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
+    let sizes = values.into_iter().map(f64::abs);
+    sizes.max_by(f64::total_cmp).expect("values")
 }
 
 #[test]
@@ -75,16 +81,19 @@ fn steps_of_random_stable_systems_agree_with_scipy() {
         .map(|(s, h)| json!({"a": rows(&s.a), "b": rows(&s.b), "w": rows(&s.w), "h": h}))
         .collect();
     let answers = oracle::ask(&json!({"task": "steps", "cases": cases}));
-    let mut worst = [0.0_f64; 3];
-    for ((system, h), answer) in systems.iter().zip(answers.as_array().expect("a list")) {
-        let step = Step::over(system, *h);
-        worst[0] = worst[0].max(relative_error(&answer["phi"], &step.phi));
-        worst[1] = worst[1].max(relative_error(
-            &answer["gamma"],
-            &[step.gamma[0], step.gamma[1]],
-        ));
-        worst[2] = worst[2].max(relative_error(&answer["q"], &step.q));
-    }
+    let answers = answers.as_array().expect("a list");
+    assert_eq!(answers.len(), systems.len());
+    let errors: Vec<[f64; 3]> = (systems.iter().zip(answers))
+        .map(|((system, h), answer)| {
+            let step = Step::over(system, *h);
+            [
+                relative_error(&answer["phi"], &step.phi),
+                relative_error(&answer["gamma"], &[step.gamma[0], step.gamma[1]]),
+                relative_error(&answer["q"], &step.q),
+            ]
+        })
+        .collect();
+    let worst = [0, 1, 2].map(|part| largest(errors.iter().map(|error| error[part])));
     println!("largest relative errors of phi, gamma, q: {worst:?}");
     // Van Loan's block matrix itself loses digits to exp(-A h) with |A| h up to 12.
     assert!(
@@ -135,12 +144,10 @@ fn difference(
     };
     let mut board = Frontend::new(&scenario, 1, input).expect("a working design");
     let mut pending = edges.iter().peekable();
-    let (mut worst, mut largest) = (0.0_f64, [0.0_f64; 2]);
-    for (number, (read, exact)) in reads
-        .iter()
-        .zip(answer.as_array().expect("a list"))
-        .enumerate()
-    {
+    let answer = answer.as_array().expect("a list");
+    assert_eq!(answer.len(), reads.len());
+    let (mut errors, mut signals) = (Vec::new(), [Vec::new(), Vec::new()]);
+    for (number, (read, exact)) in reads.iter().zip(answer).enumerate() {
         while let Some(edge) = pending.next_if(|edge| edge.cycle <= *read) {
             board
                 .pin_edge(Cycles(edge.cycle), edge.pin, edge.high)
@@ -151,15 +158,15 @@ fn difference(
                 continue;
             }
             let found = board.voltage(Cycles(*read), *channel).expect("in order").0;
-            worst = worst.max((found - exact[index].as_f64().expect("a number")).abs());
-            largest[index] = largest[index].max((found - 2.5).abs());
+            errors.push(found - exact[index].as_f64().expect("a number"));
+            signals[index].push(found - 2.5);
         }
     }
-    let signal = largest[..channels.len()]
-        .iter()
-        .copied()
-        .fold(f64::INFINITY, f64::min);
-    (worst, signal)
+    let signals = signals.into_iter().take(channels.len()).map(largest);
+    (
+        largest(errors),
+        signals.min_by(f64::total_cmp).expect("a channel"),
+    )
 }
 
 fn request(
@@ -368,6 +375,7 @@ fn allan_theory(tau_s: f64, density: impl Fn(f64) -> f64) -> f64 {
 }
 
 fn check_densities(kind: &str, found: &[f64], theory: impl Fn(f64) -> f64) {
+    assert_eq!(found.len(), BANDS.len());
     for (band, found) in BANDS.iter().zip(found) {
         let ratio = found / band_mean(*band, &theory);
         println!("{kind} {band:?} Hz: {found:.4e} per rtHz, {ratio:.3} of theory");

@@ -8,7 +8,7 @@ use cardan_numerics::tape::{
     Entry, Inputs, Interval, NO_NODE, Op, Reals, Ref, Runner, Tape, Words, affine_bounds, bounds,
 };
 use cardan_numerics::{Datapath, tape};
-use common::{Everything, Fir, Iir, NODES};
+use common::{Everything, Fir, Iir, NODES, words_of};
 use proptest::prelude::*;
 
 const PORTS: usize = 3;
@@ -126,20 +126,6 @@ fn inputs(steps: &[Vec<i32>]) -> Inputs {
         truths: Vec::new(),
         steps: steps.len(),
     }
-}
-
-/// The words that any value of `bound` may become.
-fn words_of(bound: Interval, format: Format) -> Interval {
-    let lsb = format.lsb();
-    let (lo, hi) = (
-        (bound.lo / lsb).floor() * lsb,
-        (bound.hi / lsb).ceil() * lsb,
-    );
-    let (min, max) = (format.real(format.min_raw()), format.real(format.max_raw()));
-    if format.overflow == Overflow::Wrap && (lo < min || hi > max) {
-        return Interval::new(min, max);
-    }
-    Interval::new(lo.clamp(min, max), hi.clamp(min, max))
 }
 
 fn assert_words(tape: &Tape, inputs: &Inputs, formats: &[Format]) {

@@ -1,13 +1,15 @@
 //! Random algorithms: each is recorded as what it is or refused, its trials are the exact arithmetic,
 //! and no node that is proven ever overflows. `CARDAN_TAPES` says how many, from `CARDAN_TAPES_SEED` on.
 
+mod common;
 #[path = "random/mod.rs"]
 mod random;
 
-use cardan_datapath::{DEFAULT_DOMAIN_FLAG, Format, NodeInfo};
-use cardan_numerics::tape::{Inputs, NO_NODE, Runner, Tape, Words, affine_bounds, beyond, bounds};
+use cardan_datapath::{DEFAULT_DOMAIN_FLAG, Format};
+use cardan_numerics::tape::{Inputs, Runner, Tape, Words, affine_bounds, beyond, bounds};
 use cardan_numerics::trial::Trial;
 use cardan_numerics::{Formats, Recording, Steps, record};
+use common::{columns, infos};
 use random::{Draw, Kind, NODES, Program, When};
 
 /// Steps beyond the data that are looked at: longer than any delay line and later than any change.
@@ -33,15 +35,7 @@ fn number(name: &str, otherwise: u64) -> u64 {
 fn formats(draw: &mut Draw) -> (Vec<Format>, Formats) {
     loop {
         let formats: Vec<Format> = (0..NODES).map(|_| draw.format()).collect();
-        let infos: Vec<NodeInfo> = (formats.iter())
-            .map(|&format| NodeInfo {
-                name: "n",
-                unit: "1",
-                meaning: "",
-                format,
-            })
-            .collect();
-        if let Ok(computable) = Formats::deployed(&infos) {
+        if let Ok(computable) = Formats::deployed(&infos(&formats)) {
             return (formats, computable);
         }
     }
@@ -56,16 +50,7 @@ fn assert_trial(
 ) {
     let mut trial = Trial::new(tape, inputs, DEFAULT_DOMAIN_FLAG);
     trial.run_all(formats);
-    let mut raws = vec![Vec::new(); NODES];
-    for step in 0..inputs.steps {
-        for (index, entry) in tape.body(step).iter().enumerate() {
-            if entry.node != NO_NODE && entry.op.is_recorded() {
-                let start_up = trial.transient().get(step).map(|words| words[index].raw);
-                let raw = start_up.unwrap_or_else(|| trial.column(index).get(step));
-                raws[entry.node as usize].push(raw);
-            }
-        }
-    }
+    let raws = columns(tape, inputs, &trial, NODES);
     assert_eq!(raws, expected.raws, "seed {seed}, {formats:?}");
     assert_eq!(trial.status(), status, "seed {seed}, {formats:?}");
     let counts: Vec<u64> = expected.overflows.iter().map(|o| o.count).collect();

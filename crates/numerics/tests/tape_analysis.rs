@@ -4,7 +4,7 @@ mod common;
 
 use cardan_datapath::{DEFAULT_DOMAIN_FLAG, Format, Overflow, Rounding};
 use cardan_numerics::tape::{NO_NODE, Reals, Runner, Tape, Words, bounds, gains};
-use common::{At, Everything, Fir, Iir, NODES};
+use common::{At, Everything, Fir, Iir, NODES, words_of};
 use proptest::prelude::*;
 
 use cardan_numerics::Datapath;
@@ -33,12 +33,9 @@ fn assert_bounds<A: Datapath>(datapath: &A, steps: &[Vec<i32>], formats: &[Forma
             let node = entry.node as usize;
             let (format, bound) = (formats[node], bounds[node].expect("is written"));
             let value = format.real(item.raw);
-            let lsb = format.lsb();
-            let inside = value >= bound.lo - lsb && value <= bound.hi + lsb;
-            let at_end = item.raw == format.min_raw() || item.raw == format.max_raw();
-            let wraps = format.overflow == Overflow::Wrap && !bound.fits(format);
+            let within = words_of(bound, format);
             assert!(
-                inside || at_end || wraps,
+                value >= within.lo && value <= within.hi,
                 "node {node}: {value} outside {bound:?}"
             );
         }

@@ -3,24 +3,14 @@
 
 mod common;
 
-use cardan_datapath::{Format, NodeInfo, Overflow, Rounding};
+use cardan_datapath::{Format, Overflow, Rounding};
 use cardan_numerics::tape::{Inputs, NO_NODE, Real, Runner, Tape, TraceError, Words};
 use cardan_numerics::trial::Trial;
 use cardan_numerics::{Datapath, Formats, Recording, Steps, record};
-use common::{At, Everything, Fir, Iir, NODES, Unsteady};
+use common::{At, Everything, Fir, Iir, NODES, Unsteady, columns, infos};
 use proptest::prelude::*;
 
 const DOMAIN: u16 = cardan_datapath::DEFAULT_DOMAIN_FLAG;
-
-fn infos(formats: &[Format]) -> Vec<NodeInfo> {
-    let info = |format: &Format| NodeInfo {
-        name: "n",
-        unit: "1",
-        meaning: "",
-        format: *format,
-    };
-    formats.iter().map(info).collect()
-}
 
 /// What the mixed arithmetic makes of it.
 fn expected<A: Datapath>(
@@ -57,23 +47,6 @@ fn step_by_step(tape: &Tape, inputs: &Inputs, formats: &[Format]) -> (Vec<u16>, 
     (status, raws)
 }
 
-/// Every recorded word of a trial, per node.
-fn in_columns(tape: &Tape, inputs: &Inputs, trial: &Trial<'_>, nodes: usize) -> Vec<Vec<i64>> {
-    let mut raws = vec![Vec::new(); nodes];
-    for step in 0..inputs.steps {
-        for (index, entry) in tape.body(step).iter().enumerate() {
-            if entry.node == NO_NODE || !entry.op.is_recorded() {
-                continue;
-            }
-            raws[entry.node as usize].push(match trial.transient().get(step) {
-                Some(words) => words[index].raw,
-                None => trial.column(index).get(step),
-            });
-        }
-    }
-    raws
-}
-
 /// All of it, for several formats in a row.
 fn assert_law<A: Datapath>(datapath: &A, steps: &[Vec<i32>], all: &[Vec<Format>]) {
     let (tape, inputs) = Tape::record(datapath, steps).expect("is steady");
@@ -84,10 +57,10 @@ fn assert_law<A: Datapath>(datapath: &A, steps: &[Vec<i32>], all: &[Vec<Format>]
         assert_eq!(raws, recording.raws, "{formats:?}");
         assert_eq!(tape_status, status);
         trial.run_all(formats);
-        let columns = in_columns(&tape, &inputs, &trial, formats.len());
+        let found = columns(&tape, &inputs, &trial, formats.len());
         for (node, format) in formats.iter().enumerate() {
             assert_eq!(
-                columns[node], recording.raws[node],
+                found[node], recording.raws[node],
                 "node {node} in {format:?} of {formats:?}"
             );
         }
@@ -209,8 +182,8 @@ fn a_trial_that_is_ended_early_leaves_the_next_one_right() {
         fresh.run_all(formats);
         trial.run_all(formats);
         assert_eq!(
-            in_columns(&tape, &inputs, &trial, NODES),
-            in_columns(&tape, &inputs, &fresh, NODES)
+            columns(&tape, &inputs, &trial, NODES),
+            columns(&tape, &inputs, &fresh, NODES)
         );
         assert_eq!(trial.status(), fresh.status());
         assert_eq!(trial.overflows(), fresh.overflows());

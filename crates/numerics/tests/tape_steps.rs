@@ -7,7 +7,7 @@ use cardan_datapath::{Arithmetic, Constant, DEFAULT_DOMAIN_FLAG, Format, Table, 
 use cardan_numerics::tape::{Follower, Inputs, Op, Ref, Tape, TraceError};
 use cardan_numerics::trial::Trial;
 use cardan_numerics::{Algorithm, Datapath, Formats, Steps, record};
-use common::{At, NODES, deployed};
+use common::{At, NODES, columns, deployed, infos};
 
 struct Zero;
 impl Constant for Zero {
@@ -219,32 +219,18 @@ fn assert_trial<A: Datapath>(
             ..format
         })
         .collect();
-    let infos: Vec<_> = (formats.iter())
-        .map(|&format| cardan_datapath::NodeInfo {
-            name: "n",
-            unit: "1",
-            meaning: "",
-            format,
-        })
-        .collect();
     let run = Steps {
         datapath: algorithm,
         inputs: steps,
     };
-    let (status, expected) = record(&run, &Formats::deployed(&infos).expect("is computable"));
+    let (status, expected) = record(
+        &run,
+        &Formats::deployed(&infos(&formats)).expect("is computable"),
+    );
     let mut trial = Trial::new(tape, inputs, DEFAULT_DOMAIN_FLAG);
     trial.run_all(&formats);
     assert_eq!(trial.status(), status);
-    let mut raws = vec![Vec::new(); NODES];
-    for step in 0..steps.len() {
-        for (index, entry) in tape.body(step).iter().enumerate() {
-            if let (Some(raws), true) = (raws.get_mut(entry.node as usize), entry.op.is_recorded())
-            {
-                let word = trial.transient().get(step).map(|words| words[index].raw);
-                raws.push(word.unwrap_or_else(|| trial.column(index).get(step)));
-            }
-        }
-    }
+    let raws = columns(tape, inputs, &trial, NODES);
     assert_eq!(raws, expected.raws);
 }
 

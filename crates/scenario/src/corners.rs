@@ -223,6 +223,16 @@ mod tests {
             .filter(|p| p.value != p.default)
             .count();
         assert_eq!(changed, 2);
+        let unit = corners.unit(&scenario, 1, 0).expect("valid");
+        let made = unit.apply(&scenario).expect("valid");
+        let changed: Vec<String> = (made.parameters().into_iter())
+            .filter(|p| p.value != p.default)
+            .map(|p| format!("{}.{}", p.section, p.key))
+            .collect();
+        assert_eq!(changed.len(), 2, "{changed:?}");
+        for (key, value) in &unit.set {
+            assert!(changed.contains(key), "{key} = {value} in {changed:?}");
+        }
     }
 
     #[test]
@@ -246,7 +256,11 @@ mod tests {
             .collect();
         let sigma = (offsets.iter().map(|x| x * x).sum::<f64>() / n as f64).sqrt();
         assert!((sigma / 20.0 - 1.0).abs() < 0.06, "{sigma}");
-        assert!((0..n).all(|i| value(i, "frontend.gain_error").abs() <= 0.01));
+        let gains: Vec<f64> = (0..n).map(|i| value(i, "frontend.gain_error")).collect();
+        assert!(gains.iter().all(|gain| gain.abs() <= 0.01));
+        // Even over the range: the root mean square is the range over the root of three.
+        let rms = (gains.iter().map(|x| x * x).sum::<f64>() / n as f64).sqrt();
+        assert!((rms / (0.01 / 3.0_f64.sqrt()) - 1.0).abs() < 0.05, "{rms}");
     }
 
     #[test]

@@ -204,5 +204,8 @@ mod tests {
         let forward: Vec<f64> = (0..4).map(|i| stream.at_block(i).normal()).collect();
         let backward: Vec<f64> = (0..4).rev().map(|i| stream.at_block(i).normal()).collect();
         assert_eq!(forward, backward.into_iter().rev().collect::<Vec<_>>());
+        for at in 1..forward.len() {
+            assert!(!forward[..at].contains(&forward[at]), "{forward:?}");
+        }
     }
 }

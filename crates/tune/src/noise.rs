@@ -1,12 +1,11 @@
 //! The noise-power model: what share of an output's error each node's rounding brings.
 //!
-//! A rounded write adds an error of uniform distribution: variance q^2/12 (1 - 4^-k) for k dropped
-//! bits, and with floor, ceil or truncation a mean of half a place. Derivatives along the tape take
+//! A rounded write adds an error of uniform distribution: [`rounding_noise`]. Derivatives along the tape take
 //! it to the output; writes are taken as independent of each other. The model does not see
 //! thresholds (a comparison that flips), saturation, and the fixed errors of constants.
 
 use cardan_datapath::{Format, Rounding};
-use cardan_numerics::tape::{Entry, NO_NODE, Op, Ref, Tape, gains};
+use cardan_numerics::tape::{Entry, NO_NODE, Op, Ref, Tape, gains, rounding_noise};
 use cardan_numerics::trial::Trial;
 use rand_chacha::ChaCha8Rng;
 use rand_core::{RngCore, SeedableRng};
@@ -68,25 +67,8 @@ pub(crate) fn natural_frac(entry: &Entry, frac: impl Fn(Ref) -> i64) -> Option<i
     })
 }
 
-/// Variance and mean of what rounding adds in one write.
-fn rounding_noise(format: Format, natural: Option<i64>) -> (f64, f64) {
-    let lsb = format.lsb();
-    let dropped = natural.map_or(64, |natural| natural - i64::from(format.frac));
-    if dropped <= 0 {
-        return (0.0, 0.0);
-    }
-    let exponent = -(dropped.min(64) as i32);
-    let variance = lsb * lsb / 12.0 * (1.0 - libm::ldexp(1.0, 2 * exponent));
-    let half = lsb / 2.0;
-    let mean = match format.rounding {
-        Rounding::Floor => -half * (1.0 - libm::ldexp(1.0, exponent)),
-        Rounding::Ceil => half * (1.0 - libm::ldexp(1.0, exponent)),
-        // The tie, one of 2^k values, always goes up.
-        Rounding::NearestUp => half * libm::ldexp(1.0, exponent),
-        Rounding::Zero | Rounding::NearestAway | Rounding::NearestEven => 0.0,
-    };
-    (variance, mean)
-}
+/// Bits that a result without end drops.
+const ENDLESS: i64 = 64;
 
 impl Gains {
     /// Predicted noise power at the output in `formats`, per node.
@@ -104,7 +86,10 @@ impl Gains {
                     .map_or(0, |format| i64::from(format.frac))
             };
             let node = entry.node as usize;
-            let (power, offset) = rounding_noise(formats[node], natural_frac(entry, frac));
+            let format = formats[node];
+            let natural = natural_frac(entry, frac);
+            let dropped = natural.map_or(ENDLESS, |natural| natural - i64::from(format.frac));
+            let (power, offset) = rounding_noise(format, dropped);
             variance[node] += self.power[index] * power;
             mean[node] += self.mean[index] * offset;
         }

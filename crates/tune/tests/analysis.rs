@@ -3,7 +3,7 @@
 mod common;
 
 use cardan_datapath::{Format, Overflow, Rounding};
-use cardan_tune::{Problem, ranges, ranges_page, sensitivities};
+use cardan_tune::{Options, Problem, ranges, ranges_page, sensitivities, tune};
 use common::problem;
 
 #[test]
@@ -39,6 +39,22 @@ fn floor_brings_its_bias_and_the_model_knows() {
     let db = cube.difference_db.expect("both are known");
     assert!(db.abs() <= 1.0, "{cube:?}");
     // rms of a floor: lsb / sqrt(3), twice that of rounding to nearest.
+    assert!((cube.predicted * 2048.0 - 0.577).abs() < 0.01, "{cube:?}");
+}
+
+/// Toward zero an error is that of a floor with the value's sign, which a cube of noise changes as often.
+#[test]
+fn rounding_toward_zero_spreads_as_far_as_a_floor_and_the_model_knows() {
+    let problem = problem(3000);
+    let formats: Vec<Format> =
+        vec![Format::new(16, 11, Rounding::Zero, Overflow::Saturate); problem.nodes.len()];
+    let all = sensitivities(&problem, &formats, true, 1);
+    let cube = all
+        .iter()
+        .find(|noise| noise.node == "cube")
+        .expect("is there");
+    let db = cube.difference_db.expect("both are known");
+    assert!(db.abs() <= 1.0, "{cube:?}");
     assert!((cube.predicted * 2048.0 - 0.577).abs() < 0.01, "{cube:?}");
 }
 
@@ -95,8 +111,14 @@ fn ranges_prove_what_cannot_overflow_and_find_what_can() {
             "{node:?}"
         );
     }
+    // Every value but zero has its place among the powers of two; noise is hardly ever zero.
     let counted: u64 = square.histogram.iter().map(|bin| bin.count).sum();
-    assert!(counted <= square.samples && counted > 0);
+    assert!(
+        counted <= square.samples && counted * 100 > square.samples * 99,
+        "{square:?}"
+    );
+    let top = square.histogram.iter().map(|bin| bin.exponent).max();
+    assert_eq!(top, square.max.map(libm::ilogb), "{square:?}");
 }
 
 /// held = held - held/4 + x/4 shares `held` with itself, which intervals forget: they have it grow until
@@ -126,17 +148,43 @@ fn the_page_shows_all_three_ranges_side_by_side() {
     assert!(place("simulated") < place("interval") && place("interval") < place("affine"));
     assert!(page.contains("cardan ranges &lt;&amp;&gt;"));
     for node in &found.nodes {
-        let hi = node.derived_affine.hi.expect("is bounded");
-        assert!(page.contains(&format!("… {hi:.5}</td>")), "{}", node.name);
+        let simulated = (
+            node.min.expect("is simulated"),
+            node.max.expect("is simulated"),
+        );
+        let derived = [node.derived, node.derived_affine].map(|range| range.ends());
+        let [interval, affine] = derived.map(|ends| ends.expect("is bounded"));
+        let cells = [simulated, interval, affine]
+            .map(|(lo, hi)| format!("<td class=\"number\">{lo:.5} … {hi:.5}</td>"));
+        assert!(page.contains(&cells.concat()), "{}: {cells:?}", node.name);
     }
 }
 
 #[test]
 fn a_node_that_never_changes_is_named() {
     let mut problem = problem(50);
+    let found = ranges(&problem, 1, 0, 1);
+    assert!(found.nodes.iter().all(|node| !node.unexcited));
     for case in problem.tuning.iter_mut().chain(&mut problem.held_out) {
         case.inputs.raws[0].fill(0);
     }
     let found = ranges(&problem, 1, 0, 1);
+    assert_eq!(found.nodes.len(), problem.nodes.len());
     assert!(found.nodes.iter().all(|node| node.unexcited));
+    let options = Options {
+        pareto: Vec::new(),
+        threads: 1,
+        ..Options::new(["y.rms<=1e-3"])
+    };
+    let outcome = tune(&problem, &options, None, &mut |_| {}).expect("runs");
+    for node in &problem.nodes {
+        let told = format!("node '{}' took the value 0 only", node.name);
+        assert!(
+            outcome
+                .warnings
+                .iter()
+                .any(|warning| warning.contains(&told)),
+            "{told}"
+        );
+    }
 }

@@ -51,6 +51,7 @@ fn what_the_result_calls_proven_no_input_of_the_ports_makes_overflow() {
         let formats: Vec<Format> = found.best.formats.0.iter().map(|(_, f)| *f).collect();
         let ends = (0..400).map(|at| if at / 20 % 2 == 0 { port.0 } else { port.1 });
         let counts = overflows(&problem.tuning[0], &formats, ends.collect());
+        assert!(!found.proven.is_empty(), "{port:?}: nothing is proven");
         for (node, info) in problem.nodes.iter().enumerate() {
             let is_proven = found.proven.iter().any(|name| name == info.name);
             assert!(!is_proven || counts[node] == 0, "{port:?}: {}", info.name);

@@ -6,6 +6,7 @@
 #[path = "../../tests/common/mod.rs"]
 mod common;
 
+use std::cell::Cell;
 use std::path::Path;
 
 use cardan_emulator::{ATMEGA328P, AnalogInput, Image, Machine, Pin, SerialByte, Stop};
@@ -163,6 +164,7 @@ fn machine_with(image: &Image) -> Machine {
 
 #[test]
 fn random_programs_leave_the_same_state_on_both_engines() {
+    let entries = Cell::new(0);
     let result = runner(1_500).run(
         &(
             random::case(),
@@ -174,12 +176,19 @@ fn random_programs_leave_the_same_state_on_both_engines() {
             // Twice: once while translating, once with what has been translated.
             let mut engine = translator(threshold);
             run_both(&machine, &mut engine, 600, 200, seed)?;
-            run_both(&machine, &mut engine, 600, 60, seed ^ 0x5555)
+            run_both(&machine, &mut engine, 600, 60, seed ^ 0x5555)?;
+            entries.set(entries.get() + engine.work().entries);
+            Ok(())
         },
     );
     if let Err(error) = result {
         panic!("{error}");
     }
+    assert!(
+        entries.get() > 1_500,
+        "little was translated: {}",
+        entries.get()
+    );
 }
 
 #[test]
@@ -351,6 +360,7 @@ fn program_memory_written_from_outside_is_executed_as_it_is() {
         .map(|i| [0x0F00, 0x1F11, 0x9503, 0x0F20][i % 4])
         .collect();
     let strategy = prop::collection::vec((0usize..60, random::instruction(), 1u64..300), 1..30);
+    let entries = Cell::new(0);
     let result = runner(300).run(&strategy, |patches| {
         let mut ours = Machine::new(&ATMEGA328P, 16_000_000);
         ours.write_flash(0, &vec![0xCFFF; FLASH_WORDS]);
@@ -368,11 +378,17 @@ fn program_memory_written_from_outside_is_executed_as_it_is() {
                 machine.set_pc(0);
             }
         }
+        entries.set(entries.get() + engine.work().entries);
         Ok(())
     });
     if let Err(error) = result {
         panic!("{error}");
     }
+    assert!(
+        entries.get() > 300,
+        "little was translated: {}",
+        entries.get()
+    );
 }
 
 #[test]
@@ -394,6 +410,7 @@ fn one_translator_serves_machines_with_different_programs_in_turn() {
             }
         }
     }
+    assert!(engine.work().entries > 60, "little was translated");
 }
 
 #[test]

@@ -48,6 +48,7 @@ fn assert_bit_equal<A: Datapath>(datapath: &A) {
     let formats: Vec<Format> = NODES.iter().map(|node| node.format).collect();
     let mut trial = Trial::new(&tape, &inputs, DEFAULT_DOMAIN_FLAG);
     trial.run_all(&formats);
+    let mut compared = 0;
     for (node, info) in NODES.iter().enumerate() {
         let Some(write) = tape.last_write(node) else {
             continue;
@@ -62,7 +63,11 @@ fn assert_bit_equal<A: Datapath>(datapath: &A) {
                 info.name
             );
         }
+        compared += 1;
     }
+    // Three nodes or more of each datapath, over steps of which hardly any belong to the start-up.
+    assert!(compared >= 3, "{compared} nodes");
+    assert!(trial.steps().count() > 1400, "{:?}", trial.steps());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use std::process::ExitCode;
 use cardan_bench::App;
 use cardan_bench::app::Configuration;
 use cardan_datapath::NodeInfo;
-use cardan_numerics::tape::Flow;
+use cardan_numerics::tape::{Edge, Flow};
 use cardan_page::flow::{self, STANDALONE};
 use cardan_page::format::number;
 use cardan_page::text::{Style, prose};
@@ -17,9 +17,12 @@ use serde::Serialize;
 
 use crate::failure::{Done, Failure};
 use crate::files::write_into;
-use crate::judge::{inputs_of, operations_of};
+use crate::judge::operations_of;
 use crate::output::Output;
 use crate::run_options::RunOptions;
+
+/// What marks a way that values take only where a third tilt axis is measured.
+const MEASURED_AXIS: &str = "measured axis";
 
 /// All nodes, in `--explain`.
 const ALL: &str = "all";
@@ -43,10 +46,24 @@ struct Explained {
     earlier_inputs: Vec<String>,
     users: Vec<String>,
     later_users: Vec<String>,
+    #[serde(skip)]
+    from: Vec<Link>,
+    #[serde(skip)]
+    to: Vec<Link>,
     limit: String,
     limit_reason: String,
     /// What must be set for the node to be computed; none if it is in any case.
     only_with: Option<&'static str>,
+}
+
+/// Another node that enters a node, or is made of it.
+#[derive(Debug)]
+struct Link {
+    node: String,
+    /// By its value of the solution before.
+    earlier: bool,
+    /// Only where a third axis is measured, unlike the node itself.
+    measured: bool,
 }
 
 /// The data flow with these settings, and with a measured third axis, which has nodes of its own.
@@ -120,23 +137,40 @@ fn prepared(run: &RunOptions) -> Result<(&'static dyn App, Vec<NodeInfo>, Flows)
     Ok((app, nodes, flows))
 }
 
+impl Flows {
+    /// The nodes at the other end of edges: of those in these settings, and of those that only a
+    /// measured third axis adds. Either end of an edge says so.
+    fn links(&self, nodes: &[NodeInfo], other_end: impl Fn(&Edge) -> Option<usize>) -> Vec<Link> {
+        let added = self.measured.edges.iter();
+        let added = added.filter(|edge| !self.own.edges.contains(edge));
+        let all = self.own.edges.iter().map(|edge| (edge, false));
+        let all = all.chain(added.map(|edge| (edge, true)));
+        let link = |(edge, measured): (&Edge, bool)| {
+            Some(Link {
+                node: nodes.get(other_end(edge)?)?.name.to_owned(),
+                earlier: edge.earlier,
+                measured,
+            })
+        };
+        all.filter_map(link).collect()
+    }
+}
+
+fn named(links: &[Link], earlier: bool) -> Vec<String> {
+    let some = links.iter().filter(|link| link.earlier == earlier);
+    some.map(|link| link.node.clone()).collect()
+}
+
 fn explained(app: &dyn App, nodes: &[NodeInfo], index: usize, flows: &Flows) -> Explained {
     let info = &nodes[index];
     let is_own = flows.own.position(index).is_some();
     let flow = if is_own { &flows.own } else { &flows.measured };
     let Reading { long, scale, .. } = reading(info.unit);
-    let inputs = inputs_of(flow, index, nodes);
-    let named = |earlier: bool| -> Vec<String> {
-        let some = inputs.iter().filter(|input| input.earlier == earlier);
-        some.map(|input| input.node.clone()).collect()
-    };
-    let users = |earlier: bool| -> Vec<String> {
-        let some = flow
-            .edges
-            .iter()
-            .filter(|edge| edge.from == index && edge.earlier == earlier);
-        some.map(|edge| nodes[edge.to].name.to_owned()).collect()
-    };
+    let mut from = flows.links(nodes, |edge| (edge.to == index).then_some(edge.from));
+    let mut to = flows.links(nodes, |edge| (edge.from == index).then_some(edge.to));
+    for link in from.iter_mut().chain(&mut to) {
+        link.measured &= is_own;
+    }
     let (limit, limit_reason) = limit(app, info);
     let format = info.format;
     Explained {
@@ -152,10 +186,12 @@ fn explained(app: &dyn App, nodes: &[NodeInfo], index: usize, flows: &Flows) -> 
         most: scale * format.real(format.max_raw()),
         resolution: scale * format.lsb(),
         made_by: operations_of(flow, index),
-        inputs: named(false),
-        earlier_inputs: named(true),
-        users: users(false),
-        later_users: users(true),
+        inputs: named(&from, false),
+        earlier_inputs: named(&from, true),
+        users: named(&to, false),
+        later_users: named(&to, true),
+        from,
+        to,
         limit,
         limit_reason,
         only_with: (!is_own).then_some("sensors.third_tilt = \"measured\""),
@@ -183,10 +219,16 @@ fn limit(app: &dyn App, info: &NodeInfo) -> (String, String) {
     }
 }
 
-fn list(names: &[String], earlier: &[String], when: &str) -> String {
-    let own = names.iter().cloned();
-    let earlier = earlier.iter().map(|name| format!("{name} ({when})"));
-    let all: Vec<String> = own.chain(earlier).collect();
+/// The links' nodes, those by earlier values, which `when` tells, last.
+fn list(links: &[Link], when: &str) -> String {
+    let shown = |link: &Link| match (link.earlier, link.measured) {
+        (false, false) => link.node.clone(),
+        (true, false) => format!("{} ({when})", link.node),
+        (false, true) => format!("{} ({MEASURED_AXIS})", link.node),
+        (true, true) => format!("{} ({when}, {MEASURED_AXIS})", link.node),
+    };
+    let (earlier, own): (Vec<&Link>, Vec<&Link>) = links.iter().partition(|link| link.earlier);
+    let all: Vec<String> = own.into_iter().chain(earlier).map(shown).collect();
     if all.is_empty() {
         "none".to_owned()
     } else {
@@ -220,14 +262,8 @@ fn text(node: &Explained, style: Style) -> String {
     );
     line("resolution", &format!("{} {unit}", number(node.resolution)));
     line("made by", &node.made_by.join(", "));
-    line(
-        "from",
-        &list(&node.inputs, &node.earlier_inputs, "of the solution before"),
-    );
-    line(
-        "used by",
-        &list(&node.users, &node.later_users, "of the next solution"),
-    );
+    line("from", &list(&node.from, "of the solution before"));
+    line("used by", &list(&node.to, "of the next solution"));
     line("limit", &node.limit);
     line("why", &node.limit_reason);
     out
@@ -258,7 +294,8 @@ fn markdown(app: &dyn App, nodes: &[NodeInfo], flows: &Flows) -> String {
          `firmware/wordlengths.toml`. Written by `cargo xtask node-docs` from that file and from the algorithm \
          itself; a test keeps it current. `cardan compare --explain NODE` says the same of one node.\n\n\
          Format: integer bits, the sign among them, and fractional bits. A node in *italics* is computed only \
-         where a third tilt axis is measured. \"(before)\" marks a value of the solution before.\n\n\
+         where a third tilt axis is measured, and \"(measured axis)\" marks what another node has of it then. \
+         \"(before)\" marks a value of the solution before, \"(next)\" one that the next solution takes.\n\n\
          ![Data flow](nodes.svg)\n\nBlue: inputs. Green: what is sent. Dashed: values of the solution before, \
          and nodes that are used again. Settings and constants are grey.\n\n\
          | node | meaning | unit | format | range | resolution | from | used by |\n\
@@ -284,8 +321,8 @@ fn markdown(app: &dyn App, nodes: &[NodeInfo], flows: &Flows) -> String {
             number(node.least),
             number(node.most),
             number(node.resolution),
-            list(&node.inputs, &node.earlier_inputs, "before"),
-            list(&node.users, &node.later_users, "next"),
+            list(&node.from, "before"),
+            list(&node.to, "next"),
         );
     }
     out

@@ -1,8 +1,12 @@
 //! Datapaths that between them use every operation, a feedback loop and a delay line.
 #![allow(dead_code, reason = "each test program uses a part")]
 
-use cardan_datapath::{Arithmetic, Constant, Format, Node, Overflow, Rounding, Table, Value};
+use cardan_datapath::{
+    Arithmetic, Constant, Format, Node, NodeInfo, Overflow, Rounding, Table, Value,
+};
 use cardan_numerics::Datapath;
+use cardan_numerics::tape::{Inputs, Interval, NO_NODE, Tape};
+use cardan_numerics::trial::Trial;
 
 /// Nodes of every datapath here.
 pub(crate) const NODES: usize = 16;
@@ -162,4 +166,51 @@ impl Datapath for Unsteady {
             let _: Value<M, At<1>> = m.neg(x);
         }
     }
+}
+
+/// The words that any value of `bound` may become.
+pub(crate) fn words_of(bound: Interval, format: Format) -> Interval {
+    let lsb = format.lsb();
+    let (lo, hi) = (
+        (bound.lo / lsb).floor() * lsb,
+        (bound.hi / lsb).ceil() * lsb,
+    );
+    let (min, max) = (format.real(format.min_raw()), format.real(format.max_raw()));
+    if format.overflow == Overflow::Wrap && (lo < min || hi > max) {
+        return Interval::new(min, max);
+    }
+    Interval::new(lo.clamp(min, max), hi.clamp(min, max))
+}
+
+/// A node table of these formats.
+pub(crate) fn infos(formats: &[Format]) -> Vec<NodeInfo> {
+    let info = |format: &Format| NodeInfo {
+        name: "n",
+        unit: "1",
+        meaning: "",
+        format: *format,
+    };
+    formats.iter().map(info).collect()
+}
+
+/// Every recorded word of a trial, per node.
+pub(crate) fn columns(
+    tape: &Tape,
+    inputs: &Inputs,
+    trial: &Trial<'_>,
+    nodes: usize,
+) -> Vec<Vec<i64>> {
+    let mut raws = vec![Vec::new(); nodes];
+    for step in 0..inputs.steps {
+        for (index, entry) in tape.body(step).iter().enumerate() {
+            if entry.node == NO_NODE || !entry.op.is_recorded() {
+                continue;
+            }
+            raws[entry.node as usize].push(match trial.transient().get(step) {
+                Some(words) => words[index].raw,
+                None => trial.column(index).get(step),
+            });
+        }
+    }
+    raws
 }

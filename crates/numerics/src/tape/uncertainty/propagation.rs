@@ -1,40 +1,16 @@
 //! The sources of error of a step, and what a write adds to them.
 
-use cardan_datapath::{Format, Overflow, Rounding};
+use cardan_datapath::{Format, Overflow};
 
 use super::Uncertain;
 use super::span::Span;
 use crate::exact;
 use crate::mixed::{finite, wrapped};
+use crate::tape::noise::rounding_noise;
 
 /// Standard deviations by which a value may jump that a doubtful selection picks, so that both
 /// choices lie well within the limits that are set on errors.
 pub(super) const JUMP: f64 = 3.0;
-
-/// Variance and mean of what rounding adds in one write that drops `dropped` bits.
-fn rounding_noise(format: Format, dropped: i64) -> (f64, f64) {
-    if dropped <= 0 {
-        return (0.0, 0.0);
-    }
-    let lsb = format.lsb();
-    let exponent = -(dropped.min(64) as i32);
-    let variance = lsb * lsb / 12.0 * (1.0 - libm::ldexp(1.0, 2 * exponent));
-    let half = lsb / 2.0;
-    let mean = match format.rounding {
-        Rounding::Floor => -half * (1.0 - libm::ldexp(1.0, exponent)),
-        Rounding::Ceil => half * (1.0 - libm::ldexp(1.0, exponent)),
-        // The tie, one of 2^k values, always goes up.
-        Rounding::NearestUp => half * libm::ldexp(1.0, exponent),
-        Rounding::Zero | Rounding::NearestAway | Rounding::NearestEven => 0.0,
-    };
-    // Toward zero is toward either side; its spread is that of a place twice as wide.
-    let widened = if format.rounding == Rounding::Zero {
-        4.0
-    } else {
-        1.0
-    };
-    (variance * widened, mean)
-}
 
 /// Whether a value is a whole number of places of 2^-frac.
 fn is_multiple(value: f64, frac: u32) -> bool {
