@@ -94,7 +94,7 @@ fn golden_is_near_native_in_every_node_and_nearer_to_the_real_interpretation() {
             "{}: {algorithm:e} of {most:e}",
             info.name
         );
-        let most = MOST_STEPS * info.format.lsb();
+        let most = most_steps(info.name) * info.format.lsb();
         assert!(rounding <= most, "{}: {rounding:e} of {most:e}", info.name);
     }
 }
@@ -103,7 +103,13 @@ fn golden_is_near_native_in_every_node_and_nearer_to_the_real_interpretation() {
 const SETTINGS: f64 = 1.0 / (1_u64 << 27) as f64;
 
 /// Steps of a node's word by which rounding may take it from golden in this run.
-const MOST_STEPS: f64 = 8.0;
+fn most_steps(node: &str) -> f64 {
+    match node {
+        // Each set alone has dead spots, where an inverse sine or cosine magnifies rounding.
+        "yaw_1" | "yaw_2" => 64.0,
+        _ => 12.0,
+    }
+}
 
 #[test]
 fn frames_tell_the_yaw_of_the_truth_to_the_sensors_noise() {
