@@ -126,9 +126,9 @@ fn bad_corner_files_and_options_are_refused_before_anything_runs() {
 
 #[test]
 fn a_yield_counts_the_error_against_truth_and_the_flagged_share() {
-    // An offset of 30 degrees of tilt: the firmware computes rightly what the sensor says wrongly.
+    // 150 mg are 9 degrees of tilt: the firmware computes rightly what the sensor says wrongly.
     let file = "[[corner]]\nname = \"off\"\nset = { \"sensors.accelerometer.offset_x_mg\" = 150.0 }\n\
-                [spread]\n\"sensors.accelerometer.offset_y_mg\" = { range = 150.0 }\n";
+                [spread]\n\"sensors.accelerometer.offset_y_mg\" = { range = 300.0 }\n";
     let output = corners(file, &["--json", "--mc", "3", "--seconds", "1"]);
     assert_eq!(output.status.code(), Some(1), "{}", stderr(&output));
     let found = document(&output);

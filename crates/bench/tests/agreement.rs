@@ -106,7 +106,7 @@ const SETTINGS: f64 = 1.0 / (1_u64 << 27) as f64;
 fn most_steps(node: &str) -> f64 {
     match node {
         // Each set alone has dead spots, where an inverse sine or cosine magnifies rounding.
-        "yaw_1" | "yaw_2" => 64.0,
+        "yaw_1" | "yaw_2" => 40.0,
         _ => 12.0,
     }
 }
