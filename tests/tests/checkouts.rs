@@ -65,10 +65,9 @@ fn copy(from: &Path, to: &Path) {
     }
 }
 
-/// Where checkouts of the tests build: what does not depend on their place is compiled once.
-fn builds() -> PathBuf {
-    let target = std::env::var_os("CARGO_TARGET_DIR").map_or(root().join("target"), PathBuf::from);
-    target.join("checkouts/cardan")
+/// Cargo's target folder of the workspace: what does not depend on a checkout's place is compiled once.
+fn target() -> PathBuf {
+    std::env::var_os("CARGO_TARGET_DIR").map_or(root().join("target"), PathBuf::from)
 }
 
 /// The node formats of a word-length file, by name.
@@ -181,7 +180,7 @@ fn apply_changes_the_checkout_that_the_user_stands_in_and_keeps_its_comments_and
         "attitude.rms<=0.5",
     ];
     let mut tune = command(cardan(), &inner, folder.path(), &tune);
-    tune.env("CARGO_TARGET_DIR", builds());
+    tune.env("CARGO_TARGET_DIR", target());
     let output = output(tune);
     let said = stderr(&output);
     assert_eq!(output.status.code(), Some(0), "{said}");

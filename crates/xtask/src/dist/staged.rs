@@ -9,15 +9,8 @@ use super::{MAINTAINER, VERSION, done, read};
 use crate::licences;
 use crate::shell::{command, first_line, output, root, run};
 
-/// Folders whose files make firmware images, and in them what makes none.
+/// Folders whose files make firmware images.
 const SOURCES: [&str; 4] = ["firmware", "crates/units", "crates/spec", "crates/datapath"];
-const NO_SOURCES: [&str; 5] = [
-    "target",
-    "tests",
-    "images",
-    "proptest-regressions",
-    "corpus",
-];
 /// Members of the workspace among them.
 const MEMBERS: &str =
     "members = [\"firmware\", \"crates/units\", \"crates/spec\", \"crates/datapath\"]";
@@ -143,7 +136,7 @@ pub(super) fn fill(tree: &Tree, program: &Path) -> Result<(), String> {
     }
     documents(tree)?;
     for folder in SOURCES {
-        copy(tree, folder, "usr/share/cardan/sources", &NO_SOURCES)?;
+        copy(tree, folder, "usr/share/cardan/sources")?;
     }
     tree.write("usr/share/cardan/sources/Cargo.toml", manifest()?)
 }
@@ -152,8 +145,8 @@ fn documents(tree: &Tree) -> Result<(), String> {
     for name in ["README.md", "LICENSE-MIT", "LICENSE-APACHE"] {
         tree.write(&format!("{DOC}/{name}"), read(name)?)?;
     }
-    copy(tree, "docs", DOC, &[])?;
-    copy(tree, "examples", DOC, &["target"])?;
+    copy(tree, "docs", DOC)?;
+    copy(tree, "examples", DOC)?;
     let list = format!("{DOC}/THIRD-PARTY-LICENCES");
     tree.write(&list, licences::list()?)?;
     tree.write(&format!("{DOC}/copyright"), copyright()?)?;
@@ -208,25 +201,20 @@ fn manifest() -> Result<String, String> {
     Ok(format!("{head}{MEMBERS}\n{}\n", rest.join("\n")))
 }
 
-/// Copies a folder of the workspace with all below it, except folders named in `except`.
-fn copy(tree: &Tree, folder: &str, into: &str, except: &[&str]) -> Result<(), String> {
+/// Copies a folder of the workspace with all below it, except committed images and what somebody has built
+/// beside the sources.
+fn copy(tree: &Tree, folder: &str, into: &str) -> Result<(), String> {
     let failed = |error: std::io::Error| format!("{folder}: {error}");
     for entry in fs::read_dir(root().join(folder)).map_err(failed)? {
         let path = entry.map_err(failed)?.path();
-        let name = path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned();
+        let name = path.file_name().unwrap_or_default().to_string_lossy();
         let inner = format!("{folder}/{name}");
-        // What somebody has built beside the sources.
-        if name.ends_with(".elf") || name.ends_with(".o") {
-            continue;
-        }
-        if !path.is_dir() {
+        // Cargo marks its target folders.
+        let is_made = name == "images" || path.join("CACHEDIR.TAG").is_file();
+        if path.is_dir() && !is_made {
+            copy(tree, &inner, into)?;
+        } else if path.is_file() && !name.ends_with(".elf") && !name.ends_with(".o") {
             tree.write(&format!("{into}/{inner}"), read(&inner)?)?;
-        } else if !except.contains(&name.as_str()) {
-            copy(tree, &inner, into, except)?;
         }
     }
     Ok(())
