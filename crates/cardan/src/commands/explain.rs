@@ -255,12 +255,15 @@ fn text(node: &Explained, style: Style) -> String {
             node.frac, node.word, node.frac, node.rounding, node.overflow
         ),
     );
-    let unit = &node.shown_in;
+    let unit = match node.unit.as_str() {
+        "1" => String::new(),
+        _ => format!(" {}", node.shown_in),
+    };
     line(
         "range",
-        &format!("{} to {} {unit}", number(node.least), number(node.most)),
+        &format!("{} to {}{unit}", number(node.least), number(node.most)),
     );
-    line("resolution", &format!("{} {unit}", number(node.resolution)));
+    line("resolution", &format!("{}{unit}", number(node.resolution)));
     line("made by", &node.made_by.join(", "));
     line("from", &list(&node.from, "of the solution before"));
     line("used by", &list(&node.to, "of the next solution"));
