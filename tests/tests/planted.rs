@@ -5,12 +5,14 @@
 //! Faults are planted at the seam between participant and judge (`cardan::rig`): in frames, node
 //! values, status words, truths, conversions, counters. A fault before the firmware is followed by a
 //! new run of firmware and golden model, so that both agree with each other as they would on the
-//! bench. `patches.rs` and `planted_images.rs` plant faults in the compiled image.
+//! bench. `patches.rs` plants faults in the compiled image.
 
 #[path = "planted/chain.rs"]
 mod chain;
 #[path = "planted/frames.rs"]
 mod frames;
+#[path = "planted/settings.rs"]
+mod settings;
 #[path = "planted/values.rs"]
 mod values;
 
@@ -30,16 +32,19 @@ pub(crate) enum Run {
     Somersault,
     /// With a field that drives a channel to its rail.
     Clipped,
+    /// A misaligned unit with its calibration.
+    Misaligned,
     /// The image without taps.
     Plain,
 }
 
 impl Run {
-    const ALL: [Self; 5] = [
+    const ALL: [Self; 6] = [
         Self::Tumble,
         Self::Magnet,
         Self::Somersault,
         Self::Clipped,
+        Self::Misaligned,
         Self::Plain,
     ];
 
@@ -58,6 +63,7 @@ impl Run {
                 "--set",
                 "sensors.magnetometer.offset_x_ut=40",
             ],
+            Self::Misaligned => &["--scenario", "misaligned", "--seconds", "4"],
             Self::Plain => &[
                 "--scenario",
                 "tumble",
@@ -151,6 +157,7 @@ pub(crate) fn fault(
 fn all() -> Vec<Fault> {
     let mut all = frames::faults();
     all.extend(values::faults());
+    all.extend(settings::faults());
     all.extend(chain::faults());
     all
 }

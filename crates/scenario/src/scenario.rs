@@ -21,7 +21,7 @@ use crate::tolerance::Tolerance;
 use crate::tumble::Tumble;
 
 /// Bundled scenarios: name and text.
-pub const BUNDLED: [(&str, &str); 10] = [
+pub const BUNDLED: [(&str, &str); 11] = [
     ("tumble", include_str!("../scenarios/tumble.toml")),
     (
         "tumble-quiet",
@@ -35,6 +35,7 @@ pub const BUNDLED: [(&str, &str); 10] = [
     ("heat", include_str!("../scenarios/heat.toml")),
     ("magnet", include_str!("../scenarios/magnet.toml")),
     ("published", include_str!("../scenarios/published.toml")),
+    ("misaligned", include_str!("../scenarios/misaligned.toml")),
 ];
 
 /// The scenario that runs when none is named.
