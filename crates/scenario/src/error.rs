@@ -51,12 +51,14 @@ pub enum Error {
     },
     /// A key to be set that there is not.
     #[error(
-        "scenario: there is no key {key}{hint}; expected a numeric key of --print-scenario with its table"
+        "{place}: there is no key {key}{hint} Expected is a numeric key of --print-scenario with its table"
     )]
     UnknownKey {
+        /// File and, where known, line.
+        place: String,
         /// The key.
         key: String,
-        /// The nearest one.
+        /// The nearest one, as a question; or a full stop.
         hint: String,
     },
     /// A recording is not usable as a whole.

@@ -512,8 +512,9 @@ impl Scenario {
 fn unknown_key(key: &str, keys: &[String]) -> Error {
     let keys: Vec<&str> = keys.iter().map(String::as_str).collect();
     let hint = syntax::nearest_key(key, &keys)
-        .map_or(String::new(), |near| format!("; did you mean '{near}'?"));
+        .map_or(".".to_owned(), |near| format!("; did you mean '{near}'?"));
     Error::UnknownKey {
+        place: "scenario".to_owned(),
         key: key.to_owned(),
         hint,
     }

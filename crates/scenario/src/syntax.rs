@@ -80,24 +80,27 @@ pub(crate) fn nearest_key<'a>(found: &str, known: &[&'a str]) -> Option<&'a str>
 
 /// Fills the place of a range error with file and line of its key.
 pub(crate) fn place(error: Error, text: &str, file: &str) -> Error {
+    let of = |key: &str| match line_of(text, key) {
+        Some(line) => format!("{file}, line {line}"),
+        None => file.to_string(),
+    };
     match error {
         Error::Range {
             key,
             value,
             expected,
             ..
-        } => {
-            let place = match line_of(text, &key) {
-                Some(line) => format!("{file}, line {line}"),
-                None => file.to_string(),
-            };
-            Error::Range {
-                place,
-                key,
-                value,
-                expected,
-            }
-        }
+        } => Error::Range {
+            place: of(&key),
+            key,
+            value,
+            expected,
+        },
+        Error::UnknownKey { key, hint, .. } => Error::UnknownKey {
+            place: of(&key),
+            key,
+            hint,
+        },
         other => other,
     }
 }
@@ -120,23 +123,28 @@ fn line_of(text: &str, key: &str) -> Option<usize> {
 
 /// Puts a file before the place of an error, and the line of the key where it can be found.
 pub(crate) fn in_file(error: Error, text: &str, file: &str) -> Error {
+    let of = |key: &str| {
+        let last = key.strip_prefix("spread.").unwrap_or(key);
+        let line = text.lines().position(|line| line.contains(last));
+        line.map_or(file.into(), |line| format!("{file}, line {}", line + 1))
+    };
     match error {
         Error::Range {
             key,
             value,
             expected,
             ..
-        } => {
-            let last = key.strip_prefix("spread.").unwrap_or(&key);
-            let line = text.lines().position(|line| line.contains(last));
-            let place = line.map_or(file.into(), |line| format!("{file}, line {}", line + 1));
-            Error::Range {
-                place,
-                key,
-                value,
-                expected,
-            }
-        }
+        } => Error::Range {
+            place: of(&key),
+            key,
+            value,
+            expected,
+        },
+        Error::UnknownKey { key, hint, .. } => Error::UnknownKey {
+            place: of(&key),
+            key,
+            hint,
+        },
         other => other,
     }
 }
