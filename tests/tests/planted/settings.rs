@@ -4,7 +4,7 @@
 use cardan::rig::Collected;
 use cardan_bench::app::App;
 use cardan_bench::attitude::Attitude;
-use cardan_bench::{Conversion, Engine, Sink, SinkError};
+use cardan_bench::{Conversion, Sink, SinkError};
 
 use crate::{Fault, Run};
 
