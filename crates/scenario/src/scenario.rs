@@ -21,7 +21,7 @@ use crate::tolerance::Tolerance;
 use crate::tumble::Tumble;
 
 /// Bundled scenarios: name and text.
-pub const BUNDLED: [(&str, &str); 11] = [
+pub const BUNDLED: [(&str, &str); 12] = [
     ("tumble", include_str!("../scenarios/tumble.toml")),
     (
         "tumble-quiet",
@@ -36,6 +36,7 @@ pub const BUNDLED: [(&str, &str); 11] = [
     ("magnet", include_str!("../scenarios/magnet.toml")),
     ("published", include_str!("../scenarios/published.toml")),
     ("misaligned", include_str!("../scenarios/misaligned.toml")),
+    ("rails", include_str!("../scenarios/rails.toml")),
 ];
 
 /// The scenario that runs when none is named.
