@@ -24,10 +24,19 @@ impl Vertical {
     /// From readings of two tilt axes; noise may make the squares negative.
     #[must_use]
     pub fn of(readings: &Readings, earth: EarthField) -> Self {
+        Self::with_down_square(readings, down_square(readings), earth)
+    }
+
+    /// The same where d3^2 is known otherwise.
+    pub(crate) fn with_down_square(
+        readings: &Readings,
+        down_square: f64,
+        earth: EarthField,
+    ) -> Self {
         let ([t1, t2], [b1, b2]) = (readings.tilt, readings.field);
         Self {
             dip_product: earth.vertical - b1 * t1 - b2 * t2,
-            down_square: down_square(readings),
+            down_square,
             field_square: 1.0 - b1 * b1 - b2 * b2,
         }
     }

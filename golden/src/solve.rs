@@ -183,10 +183,7 @@ pub fn solve_readings(
     let east = orders::east_1(&tilt_1, &heading_1);
     let upright_yaw = weighed(east, heading_1.yaw, yaw_2, record);
 
-    let vertical = Vertical {
-        down_square,
-        ..Vertical::of(&readings, earth)
-    };
+    let vertical = Vertical::with_down_square(&readings, down_square, earth);
     let side = memory.half_space.track(&vertical, memory.third);
     if let Some(yaw) = upright_yaw {
         memory.yaw = HalfTurns(if side.is_upside_down { -yaw.0 } else { yaw.0 }).wrapped();

@@ -194,6 +194,66 @@ fn a_specific_force_too_long_or_with_a_third_axis_too_short_is_an_acceleration()
     }
 }
 
+/// Values of `node` that a measured third axis gives.
+fn recorded(readings: &Readings, t3: f64, index: usize) -> f64 {
+    let mut memory = Memory::default();
+    memory.third = Some(Third::Measured(t3));
+    let mut found = f64::NAN;
+    solve_readings(readings, EARTH, &mut memory, &mut |at, value| {
+        found = if at == index { value } else { found };
+    });
+    found
+}
+
+#[test]
+fn a_measured_force_is_scaled_to_1_g_up_to_the_limit_and_as_at_the_limit_beyond() {
+    let tilt = [0.36, -0.48];
+    let t3 = -0.8_f64;
+    for (square, scale) in [
+        (1.0, 1.0),
+        (1.2, 1.0 / f64::sqrt(1.2)),
+        (0.8, 1.0 / f64::sqrt(0.8)),
+        (1.25, 1.0 / f64::sqrt(1.25)),
+        (2.0, 1.0 / f64::sqrt(1.25)),
+        (0.75, 1.0 / f64::sqrt(0.75)),
+        (0.1, 1.0 / f64::sqrt(0.75)),
+        (0.0, 1.0 / f64::sqrt(0.75)),
+    ] {
+        let length = f64::sqrt(square);
+        let readings = Readings {
+            tilt: tilt.map(|t| t * length),
+            field: [0.3, 0.2],
+        };
+        for (index, expected) in [
+            (node::GRAVITY_X, tilt[0]),
+            (node::GRAVITY_Y, tilt[1]),
+            (node::DOWN, t3.abs()),
+        ] {
+            let found = recorded(&readings, t3 * length, index);
+            let expected = expected * length * scale;
+            assert!(
+                (found - expected).abs() < 1e-12,
+                "{square}: {found} {expected}"
+            );
+        }
+    }
+}
+
+/// Gravity's readings alone longer than 1 g: the quotient stands as it is, the angle ends at 90 degrees.
+#[test]
+fn readings_beyond_the_horizon_leave_an_angle_of_90_degrees_and_say_so() {
+    for (tilt, sign) in [([0.6, 0.81], 1.0), ([0.6, -0.81], -1.0), ([-0.8, 0.7], 1.0)] {
+        let readings = Readings {
+            tilt,
+            field: [0.3, 0.2],
+        };
+        let solution = cold(&readings);
+        assert_eq!(solution.roll.degrees(), 90.0 * sign, "{tilt:?}");
+        assert!(solution.attitude.iter().all(|value| value.is_finite()));
+        assert!(has(&solution, flags::DOMAIN), "{tilt:?}");
+    }
+}
+
 #[test]
 fn without_a_third_axis_only_too_long_a_plane_force_is_an_acceleration() {
     let along = |square: f64, direction: f64| Readings {

@@ -2,12 +2,49 @@
 
 pub mod program;
 
+use std::fs;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::sync::OnceLock;
 
 use serde_json::Value;
+
+/// A search that ends soon; a budget has to follow.
+pub const SHORT_SEARCH: [&str; 9] = [
+    "tune",
+    "--seconds",
+    "1",
+    "--runs",
+    "1",
+    "--evaluations",
+    "150",
+    "--fresh",
+    "0",
+];
+
+/// What makes a folder a checkout, as far as firmware and images go.
+///
+/// # Panics
+/// When it cannot be written.
+pub fn copy_firmware(to: &Path) {
+    for folder in ["firmware", "crates/units", "crates/spec", "crates/datapath"] {
+        copy(&root().join(folder), &to.join(folder));
+    }
+}
+
+fn copy(from: &Path, to: &Path) {
+    fs::create_dir_all(to).expect("ours");
+    for entry in fs::read_dir(from).expect("readable") {
+        let path = entry.expect("readable").path();
+        let name = path.file_name().expect("a name");
+        if path.is_dir() && name != "target" {
+            copy(&path, &to.join(name));
+        } else if path.is_file() {
+            fs::copy(&path, to.join(name)).expect("copied");
+        }
+    }
+}
 
 /// Root of the workspace.
 #[must_use]

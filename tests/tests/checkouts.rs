@@ -5,7 +5,7 @@ use std::os::unix::fs::PermissionsExt as _;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use cardan_tests::{assert_refused, cardan, root, stderr};
+use cardan_tests::{SHORT_SEARCH, assert_refused, cardan, copy_firmware, root, stderr};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -40,9 +40,7 @@ fn installed(folder: &Path) -> PathBuf {
 
 /// A checkout, as far as firmware goes.
 fn checkout(to: &Path) {
-    for folder in ["firmware", "crates/units", "crates/spec", "crates/datapath"] {
-        copy(&root().join(folder), &to.join(folder));
-    }
+    copy_firmware(to);
     let manifest = fs::read_to_string(root().join("Cargo.toml")).expect("readable");
     let (head, rest) = manifest.split_once("members = [").expect("a workspace");
     let (_, rest) = rest.split_once("]\n").expect("a list");
@@ -50,19 +48,6 @@ fn checkout(to: &Path) {
         "members = [\"firmware\", \"crates/units\", \"crates/spec\", \"crates/datapath\"]";
     let rest = rest.replace("default-members = [\"crates/cardan\"]", "");
     fs::write(to.join("Cargo.toml"), format!("{head}{members}\n{rest}")).expect("ours");
-}
-
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).expect("ours");
-    for entry in fs::read_dir(from).expect("readable") {
-        let path = entry.expect("readable").path();
-        let name = path.file_name().expect("a name");
-        if path.is_dir() && name != "target" {
-            copy(&path, &to.join(name));
-        } else if path.is_file() {
-            fs::copy(&path, to.join(name)).expect("copied");
-        }
-    }
 }
 
 /// Cargo's target folder of the workspace: what does not depend on a checkout's place is compiled once.
@@ -164,21 +149,8 @@ fn apply_changes_the_checkout_that_the_user_stands_in_and_keeps_its_comments_and
     let own = root().join(WORDLENGTHS);
     let untouched = fs::read(&own).expect("readable");
     let inner = folder.path().join("crates/spec/src");
-    let tune = [
-        "tune",
-        "--apply",
-        "--json",
-        "--seconds",
-        "1",
-        "--runs",
-        "1",
-        "--evaluations",
-        "150",
-        "--fresh",
-        "0",
-        "--budget",
-        "attitude.rms<=0.5",
-    ];
+    let more = ["--apply", "--json", "--budget", "attitude.rms<=0.5"];
+    let tune = [&SHORT_SEARCH[..], &more].concat();
     let mut tune = command(cardan(), &inner, folder.path(), &tune);
     tune.env("CARGO_TARGET_DIR", target());
     let output = output(tune);

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
 
-use cardan_tests::{assert_refused, cardan, document, root, run, stderr};
+use cardan_tests::{assert_refused, cardan, copy_firmware, document, root, run, stderr};
 use serde_json::Value;
 use tempfile::TempDir;
 
@@ -145,26 +145,6 @@ fn a_baseline_that_cannot_be_compared_with_is_refused_before_the_run() {
     }
 }
 
-/// What makes a folder a checkout, as far as images go.
-fn checkout(to: &Path) {
-    for folder in ["firmware", "crates/units", "crates/spec", "crates/datapath"] {
-        copy(&root().join(folder), &to.join(folder));
-    }
-}
-
-fn copy(from: &Path, to: &Path) {
-    fs::create_dir_all(to).expect("ours");
-    for entry in fs::read_dir(from).expect("readable") {
-        let path = entry.expect("readable").path();
-        let name = path.file_name().expect("a name");
-        if path.is_dir() && name != "target" {
-            copy(&path, &to.join(name));
-        } else if path.is_file() {
-            fs::copy(&path, to.join(name)).expect("copied");
-        }
-    }
-}
-
 fn stale_in(folder: &Path) -> Value {
     let output = Command::new(cardan())
         .args([
@@ -186,7 +166,7 @@ fn stale_in(folder: &Path) -> Value {
 fn firmware_sources_that_are_others_are_told_with_the_command_that_builds_and_compares() {
     let folder = TempDir::new().expect("a folder");
     assert_eq!(stale_in(folder.path()), Value::Null, "outside a checkout");
-    checkout(folder.path());
+    copy_firmware(folder.path());
     assert_eq!(stale_in(folder.path()), Value::Null, "the same sources");
     let inner = folder.path().join("crates/spec");
     for changed in [

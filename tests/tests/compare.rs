@@ -78,6 +78,36 @@ fn a_limit_that_is_stated_for_a_run_is_not_widened_however_short_it_is() {
     assert_eq!(stage["verdict"], "fail");
 }
 
+/// A recording is no shorter than it should be: limits of a scenario file stay as they are on it.
+#[test]
+fn limits_of_a_file_are_not_widened_on_a_recording_however_much_of_it_is_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let at = |name: &str| folder.path().join(name).to_string_lossy().into_owned();
+    let mut table = "t_s,acc_x_m_s2,acc_y_m_s2,acc_z_m_s2,mag_x_uT,mag_y_uT,mag_z_uT\n".to_owned();
+    for row in 0..400 {
+        table += &format!("{:.2},0,0,9.81,20,0,-44\n", f64::from(row) / 100.0);
+    }
+    fs::write(at("rest.csv"), table).expect("written");
+    fs::write(at("mine.toml"), "[tolerance.stages]\nadc_deg = 0.001\n").expect("written");
+    for seconds in [&["--seconds", "1"][..], &[]] {
+        let options = [
+            "compare",
+            "--json",
+            "--quiet",
+            "--scenario",
+            &at("mine.toml"),
+        ];
+        let recording = ["--recording", &at("rest.csv")];
+        let output = run(&[&options[..], &recording, seconds].concat());
+        let found = cardan_tests::document(&output);
+        let adc = found["error_budget"]["adc"].as_f64().expect("a figure");
+        assert!(adc > 0.001, "{adc}");
+        assert_eq!(found["limits"]["widening"], 1.0);
+        assert_eq!(found["limits"]["stages_deg"]["adc"], 0.001);
+        assert_eq!(found["verdict"], "fail");
+    }
+}
+
 #[test]
 fn without_noise_the_attitude_is_right_to_0_3_degrees() {
     let document = document(&["compare", "--json", "--quiet", "--scenario", "tumble-quiet"]);

@@ -7,7 +7,7 @@ use std::os::unix::fs::symlink;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use cardan_tests::{assert_refused, cardan, not_run, run, stderr};
+use cardan_tests::{SHORT_SEARCH, assert_refused, cardan, not_run, run, stderr};
 use tempfile::TempDir;
 
 const SHORT: [&str; 3] = ["compare", "--seconds", "0.2"];
@@ -294,22 +294,9 @@ fn a_journal_that_cannot_be_written_is_an_error_behind_the_whole_result() {
     }
     let journal = disk.join("search.journal");
     let out = folder.path().join("tuned.toml");
-    let search = [
-        "tune",
-        "--quiet",
-        "--seconds",
-        "1",
-        "--runs",
-        "1",
-        "--evaluations",
-        "150",
-        "--fresh",
-        "0",
-        "--budget",
-        "attitude.rms<=0.05",
-    ];
+    let more = ["--quiet", "--budget", "attitude.rms<=0.05"];
     let files = ["--journal", text(&journal), "--out", text(&out)];
-    let output = run(&[&search[..], &files].concat());
+    let output = run(&[&SHORT_SEARCH[..], &more, &files].concat());
     unmount(&disk);
     assert_eq!(output.status.code(), Some(2));
     let told = String::from_utf8_lossy(&output.stderr);

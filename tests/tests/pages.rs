@@ -1,7 +1,9 @@
 //! The pages of `docs/` that a user works along: every command in them runs, and every line of output
 //! that they show comes.
 
+use std::collections::BTreeSet;
 use std::env;
+use std::ffi::OsString;
 use std::fs;
 use std::path::PathBuf;
 use std::process::Command;
@@ -79,6 +81,7 @@ fn run(name: &str, block: &Block) -> String {
 fn work_along(name: &str) {
     fs::create_dir_all(root().join("target/try")).expect("made");
     let page = fs::read_to_string(root().join("docs").join(name)).expect("there");
+    let before = names();
     let mut printed = String::new();
     let (mut commands, mut shown) = (0, 0);
     for block in blocks(&page) {
@@ -97,6 +100,15 @@ fn work_along(name: &str) {
         }
     }
     assert!(commands > 0 && shown > 0, "{name}: nothing to work along");
+    assert_eq!(names(), before, "docs/{name} leaves files in the checkout");
+}
+
+/// What lies in the root of the checkout.
+fn names() -> BTreeSet<OsString> {
+    let entries = fs::read_dir(root()).expect("a folder");
+    entries
+        .map(|entry| entry.expect("readable").file_name())
+        .collect()
 }
 
 #[test]

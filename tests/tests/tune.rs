@@ -3,26 +3,12 @@
 use std::fs;
 use std::process::Output;
 
-use cardan_tests::{assert_refused, document, root, run, stderr};
+use cardan_tests::{SHORT_SEARCH, assert_refused, document, root, run, stderr};
 use serde_json::Value;
 use tempfile::tempdir;
 
-/// A search that ends soon.
-const SHORT: [&str; 10] = [
-    "tune",
-    "--quiet",
-    "--seconds",
-    "1",
-    "--runs",
-    "1",
-    "--evaluations",
-    "150",
-    "--fresh",
-    "0",
-];
-
 fn tune(more: &[&str]) -> Output {
-    run(&[&SHORT[..], more].concat())
+    run(&[&SHORT_SEARCH[..], &["--quiet"], more].concat())
 }
 
 /// What is not verified is no pass.

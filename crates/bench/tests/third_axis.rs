@@ -3,13 +3,15 @@
 
 mod rig;
 
-use cardan_bench::App;
 use cardan_bench::app::Feed;
 use cardan_bench::attitude::Attitude;
 use cardan_bench::image::Firmware;
+use cardan_bench::{App, Conversion};
 use cardan_scenario::Scenario;
 use cardan_spec::timing::CONVERSION_CYCLES;
-use cardan_spec::{MOST_CHANNELS, ThirdTilt, frame};
+use cardan_spec::{ACCELERATION_LIMIT, Channel, MOST_CHANNELS, ThirdTilt, frame};
+use rand_chacha::ChaCha8Rng;
+use rand_core::{RngCore, SeedableRng};
 
 use rig::{emulate, largest, node, run, shared};
 
@@ -225,4 +227,56 @@ fn an_eeprom_of_another_device_is_refused() {
             |text: &String| text.contains("unit.bin") && text.contains("sensors.third_tilt");
         assert!(message.iter().all(names), "{message:?}");
     }
+}
+
+/// Conversions whose tilt channels take any values at all, mostly none that gravity alone could give.
+fn shaken(conversions: &[Conversion], per_solution: usize, warm_up: usize) -> Vec<Conversion> {
+    let mut random = ChaCha8Rng::seed_from_u64(1);
+    let mut forces = [512_u16; MOST_CHANNELS];
+    let mut shaken = conversions.to_vec();
+    for (at, conversion) in shaken.iter_mut().skip(warm_up).enumerate() {
+        if at % per_solution == 0 {
+            forces = std::array::from_fn(|_| 1 + (random.next_u32() % 1022) as u16);
+        }
+        let channel = usize::from(conversion.channel);
+        if [0, 1, Channel::TiltZ as usize].contains(&channel) {
+            conversion.code = forces[channel];
+        }
+    }
+    shaken
+}
+
+/// Beyond what gravity alone could be, firmware and golden still take the same for its direction: what they
+/// make of it outlives the solution in the memory of motion.
+#[test]
+fn a_force_that_gravity_cannot_be_is_scaled_alike_by_firmware_and_golden() {
+    let (configuration, emulated, _) = emulate(&scenario(16.0, 16.0), 4.0, false);
+    let averaging = configuration.averaging();
+    let conversions = shaken(
+        &emulated.conversions,
+        averaging.conversions(),
+        averaging.warm_up_conversions(),
+    );
+    let (real, _) = run(
+        Attitude.real(&configuration, 0, None).expect("runs"),
+        &conversions,
+    );
+    let (golden, _) = run(Attitude.golden(&configuration, Feed::Codes), &conversions);
+    // The series ends 1.8e-5 off; readings are up to 1.2 g.
+    for (name, most) in [("gravity_x", 3e-5), ("gravity_y", 3e-5), ("down", 3e-5)] {
+        let (real, golden) = (&real.reals[node(name)], &golden.reals[shared(name)]);
+        assert_eq!(real.len() as u64, configuration.solutions);
+        assert_eq!(golden.len(), real.len());
+        let worst = largest(real.iter().zip(golden).map(|(a, b)| a - b));
+        assert!(worst < most, "{name}: {worst:e}");
+    }
+    let squares = &real.reals[node("gravity_square")];
+    let beyond = |square: &&f64| (**square - 1.0).abs() > ACCELERATION_LIMIT;
+    let count = squares.iter().filter(beyond).count();
+    assert!(count > squares.len() / 2, "{count} of {}", squares.len());
+    let (short, long) = (
+        squares.iter().any(|&s| s < 0.3),
+        squares.iter().any(|&s| s > 2.0),
+    );
+    assert!(short && long);
 }

@@ -11,7 +11,6 @@ use cardan_compare::{
     Reproduce, Run, TruthTolerance,
 };
 use cardan_outputs::{Check, Message, Status};
-use cardan_scenario::tolerance::Tolerance as ScenarioTolerance;
 use cardan_scenario::{Trajectory, report};
 
 use self::attitudes::{attitudes, rounding_steps};
@@ -112,7 +111,7 @@ pub(crate) fn without_shares(
         most_flagged: most_flagged(&widened),
         tuned: setup.tuned.as_ref().map(tuned_to),
         truth_tolerance,
-        widening: ScenarioTolerance::widening(setup.seconds, setup.scenario.seconds),
+        widening: setup.scenario.widening(setup.seconds),
         emulator: EmulatorStatistics {
             cycles: summary.cycles,
             instructions: summary.instructions,

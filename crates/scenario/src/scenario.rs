@@ -304,6 +304,30 @@ impl Scenario {
         self
     }
 
+    /// By which factor the scenario's limits are wider in a run of `seconds`: statistics of a shorter run
+    /// scatter more, by the root of how much shorter it is. A recording has the length that it has, and no
+    /// limit was stated for another.
+    #[must_use]
+    pub fn widening(&self, seconds: f64) -> f64 {
+        (self.stated_seconds(seconds) / seconds).sqrt().max(1.0)
+    }
+
+    /// The limits of a run of `seconds`; those with the full keys `exact` were stated for this very run.
+    #[must_use]
+    pub fn limits_of(&self, seconds: f64, exact: &[&str]) -> Tolerance {
+        let longest = seconds.max(self.stated_seconds(seconds));
+        self.tolerance
+            .widened(self.widening(seconds), longest, exact)
+    }
+
+    /// The length that the limits are stated for.
+    fn stated_seconds(&self, seconds: f64) -> f64 {
+        match self.motion.kind {
+            MotionKind::Recording => seconds,
+            _ => self.seconds,
+        }
+    }
+
     /// Whether this is one of the bundled scenarios, whose limits belong to it as it stands.
     #[must_use]
     pub fn is_bundled(&self) -> bool {

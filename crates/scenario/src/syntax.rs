@@ -78,11 +78,16 @@ pub(crate) fn nearest_key<'a>(found: &str, known: &[&'a str]) -> Option<&'a str>
         .map(|(_, key)| key)
 }
 
-/// Fills the place of a range error with file and line of its key.
+/// Fills the place of an error with file and line of its key.
 pub(crate) fn place(error: Error, text: &str, file: &str) -> Error {
-    let of = |key: &str| match line_of(text, key) {
+    placed(error, file, |key| line_of(text, key))
+}
+
+/// Puts a file before the place of an error, and the line where its key can be found.
+fn placed(error: Error, file: &str, line_of: impl Fn(&str) -> Option<usize>) -> Error {
+    let of = |key: &str| match line_of(key) {
         Some(line) => format!("{file}, line {line}"),
-        None => file.to_string(),
+        None => file.to_owned(),
     };
     match error {
         Error::Range {
@@ -121,30 +126,11 @@ fn line_of(text: &str, key: &str) -> Option<usize> {
     offset.map(|offset| position(text, offset).0)
 }
 
-/// Puts a file before the place of an error, and the line of the key where it can be found.
+/// The same where keys are quoted and stand in tables of their own: the line that holds the key's text.
 pub(crate) fn in_file(error: Error, text: &str, file: &str) -> Error {
-    let of = |key: &str| {
+    placed(error, file, |key| {
         let last = key.strip_prefix("spread.").unwrap_or(key);
-        let line = text.lines().position(|line| line.contains(last));
-        line.map_or(file.into(), |line| format!("{file}, line {}", line + 1))
-    };
-    match error {
-        Error::Range {
-            key,
-            value,
-            expected,
-            ..
-        } => Error::Range {
-            place: of(&key),
-            key,
-            value,
-            expected,
-        },
-        Error::UnknownKey { key, hint, .. } => Error::UnknownKey {
-            place: of(&key),
-            key,
-            hint,
-        },
-        other => other,
-    }
+        let at = text.lines().position(|line| line.contains(last));
+        at.map(|at| at + 1)
+    })
 }

@@ -151,12 +151,10 @@ impl Tolerance {
             .collect()
     }
 
-    /// Limits for a run of `seconds` of a scenario of `stated` seconds. Statistics of a shorter run
-    /// scatter more, by the root of how much shorter it is ([`Tolerance::widening`]); the limits with the
-    /// full keys `exact` were stated for this very run and stay.
+    /// All limits wider by `factor` but those with the full keys `exact`; `seconds` is the length for which
+    /// the least unflagged time is stated.
     #[must_use]
-    pub fn of_run(&self, seconds: f64, stated: f64, exact: &[&str]) -> Self {
-        let factor = Self::widening(seconds, stated);
+    pub(crate) fn widened(&self, factor: f64, seconds: f64, exact: &[&str]) -> Self {
         let mut tolerance = self.clone();
         for (key, limit, most, _) in tolerance.limits() {
             if key != "tolerance.status.least_unflagged_s" && !exact.contains(&key) {
@@ -164,17 +162,11 @@ impl Tolerance {
             }
         }
         if let Some(least_s) = tolerance.status.least_unflagged_s {
-            let share = 1.0 - least_s / seconds.max(stated) / factor;
+            let share = 1.0 - least_s / seconds / factor;
             let most = tolerance.status.most_flagged.unwrap_or(1.0);
             tolerance.status.most_flagged = Some(most.min(share.max(0.0)));
         }
         tolerance
-    }
-
-    /// By which factor a scenario's limits are wider in a shorter run.
-    #[must_use]
-    pub fn widening(seconds: f64, stated: f64) -> f64 {
-        (stated / seconds).sqrt().max(1.0)
     }
 
     /// Sets the limit of that full key; false if there is none.

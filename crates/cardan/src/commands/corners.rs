@@ -91,7 +91,7 @@ fn with_limits(run: &RunOptions) -> Result<RunOptions, Failure> {
     let scenario = Scenario::load(&run.scenario).map_err(Failure::input)?;
     let seconds = run.seconds.unwrap_or(scenario.seconds);
     // The command that runs a corner again states them, and then they are taken as they are.
-    let tolerance = scenario.tolerance.of_run(seconds, scenario.seconds, &[]);
+    let tolerance = scenario.limits_of(seconds, &[]);
     let (truth, status) = (&tolerance.truth, &tolerance.status);
     for (key, limit) in [
         ("tolerance.truth.rms_deg", truth.rms_deg),

@@ -6,11 +6,10 @@ use cardan_scenario::tolerance::Tolerance as ScenarioTolerance;
 
 use crate::run_options::Setup;
 
-/// The scenario's limits, which are stated for its own length, and those stated for this run.
+/// The scenario's limits for the run's length, and those stated for this run.
 pub(super) fn widened(setup: &Setup) -> ScenarioTolerance {
-    let scenario = &setup.scenario;
     let exact: Vec<&str> = setup.stated.iter().map(String::as_str).collect();
-    (scenario.tolerance).of_run(setup.seconds, scenario.seconds, &exact)
+    setup.scenario.limits_of(setup.seconds, &exact)
 }
 
 pub(super) fn stage_limits(tolerance: &ScenarioTolerance) -> Vec<(String, Limit)> {
