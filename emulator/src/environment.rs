@@ -94,6 +94,15 @@ impl FromStr for Pin {
     }
 }
 
+/// What a port does to its pin.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PortDrive {
+    /// It drives this level.
+    Output(bool),
+    /// Its pull-up is on.
+    PullUp,
+}
+
 /// An input of the analog multiplexer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum AnalogInput {
@@ -244,6 +253,14 @@ pub trait Environment {
     /// A STOP on the two-wire bus.
     fn twi_stop(&mut self, cycle: u64) {
         let _ = cycle;
+    }
+
+    /// The chip's own port drives an analog input, or pulls it up, while its voltage is taken at `cycle`. What
+    /// it drives is the voltage then (data sheet, section 14.2.6: the digital driver is not switched off);
+    /// what a pull-up of 20 to 50 kilohms makes of the outside's voltage depends on the outside, and is not
+    /// computed.
+    fn analog_driven(&mut self, cycle: u64, input: AnalogInput, by: PortDrive) {
+        let _ = (cycle, input, by);
     }
 
     /// The processor clock changes to `hz` at `cycle` (clock prescaler). From here on a cycle

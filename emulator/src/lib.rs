@@ -69,7 +69,7 @@ pub use debugger::{Debugger, SessionError, State};
 pub use device::{ATMEGA328P, Device};
 pub use disassembler::disassemble;
 pub use environment::{
-    AnalogInput, Conversion, Environment, ParsePinError, Pin, SerialByte, Unconnected,
+    AnalogInput, Conversion, Environment, ParsePinError, Pin, PortDrive, SerialByte, Unconnected,
 };
 pub use fuses::Fuses;
 pub use image::{Image, LoadError, LoadProblem, Memory, Symbol};

@@ -1,7 +1,7 @@
 //! The wiring inside the chip: which flag requests which interrupt, which peripheral drives which
 //! pin, which flag triggers the converter.
 
-use crate::environment::{AnalogInput, Environment, Pin};
+use crate::environment::{AnalogInput, Environment, Pin, PortDrive};
 use crate::interrupts::vector;
 use crate::machine::Machine;
 use crate::peripherals::adc::Step;
@@ -317,9 +317,40 @@ impl Machine {
         let volts = match input {
             AnalogInput::Bandgap => self.supply.bandgap_volts,
             AnalogInput::Ground => 0.0,
-            outside => env.analog(at, outside),
+            outside => {
+                let volts = env.analog(at, outside);
+                self.at_pin(outside, volts, at, env)
+            }
         };
         (input, volts)
+    }
+
+    /// The voltage of an analog pin to which the outside gives `volts`: what the port drives, if it does.
+    pub(crate) fn at_pin<E: Environment>(
+        &self,
+        input: AnalogInput,
+        volts: f64,
+        at: u64,
+        env: &mut E,
+    ) -> f64 {
+        // ADC0 to ADC5 are port C's, the comparator's inputs PD6 and PD7; ADC6 and ADC7 have no port.
+        let (port, bit) = match input {
+            AnalogInput::Pin(channel @ 0..=5) => (1, channel),
+            AnalogInput::Ain0 => (2, 6),
+            AnalogInput::Ain1 => (2, 7),
+            _ => return volts,
+        };
+        let mask = 1 << bit;
+        let (driven, level) = self.ports[port].outputs(at);
+        if driven & mask != 0 {
+            let is_high = level & mask != 0;
+            env.analog_driven(at, input, PortDrive::Output(is_high));
+            return if is_high { self.supply.avcc_volts } else { 0.0 };
+        }
+        if self.ports[port].pull_ups(self.system.mcucr & 0x10 != 0) & mask != 0 {
+            env.analog_driven(at, input, PortDrive::PullUp);
+        }
+        volts
     }
 
     /// Takes notice of what the environment has changed by cycle `at`.

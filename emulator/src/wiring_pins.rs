@@ -152,12 +152,18 @@ impl Machine {
     pub(crate) fn comparison<E: Environment>(&self, at: u64, env: &mut E) -> bool {
         let positive = match self.comparator.uses_bandgap() {
             true => self.supply.bandgap_volts,
-            false => env.analog(at, AnalogInput::Ain0),
+            false => {
+                let volts = env.analog(at, AnalogInput::Ain0);
+                self.at_pin(AnalogInput::Ain0, volts, at, env)
+            }
         };
         let has_mux = self.adc.trigger_select() & 0x40 != 0 && !self.adc.is_enabled();
         let negative = match has_mux {
             true => self.analog_input(self.adc.mux() & 7, at, env).1,
-            false => env.analog(at, AnalogInput::Ain1),
+            false => {
+                let volts = env.analog(at, AnalogInput::Ain1);
+                self.at_pin(AnalogInput::Ain1, volts, at, env)
+            }
         };
         positive > negative
     }

@@ -13,6 +13,8 @@ mod chain;
 mod frames;
 #[path = "planted/settings.rs"]
 mod settings;
+#[path = "planted/unseen.rs"]
+mod unseen;
 #[path = "planted/values.rs"]
 mod values;
 
@@ -152,6 +154,7 @@ fn all() -> Vec<Fault> {
     all.extend(values::faults());
     all.extend(settings::faults());
     all.extend(chain::faults());
+    all.extend(unseen::faults());
     all
 }
 

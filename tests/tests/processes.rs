@@ -280,3 +280,52 @@ fn several_users_do_not_disturb_each_other() {
         assert_eq!(own.status.code(), Some(0), "{}", stderr(&own));
     }
 }
+
+/// Participants by hand that were asked for different runs: `emulate` with the first, `diff` with the second.
+fn asked_differently(name: &str, emulate: &[&str], diff: &[&str]) -> std::process::Output {
+    let session = format!("differ-{name}-{}", std::process::id());
+    let own = ["--session", &session, "--quiet"];
+    let others: Vec<Child> = [
+        [&["emulate"][..], &own, emulate].concat(),
+        [&["native"][..], &own].concat(),
+        [&["golden"][..], &own].concat(),
+    ]
+    .iter()
+    .map(|arguments| start(arguments))
+    .collect();
+    let output = run(&[&["diff"][..], &own, diff].concat());
+    for mut other in others {
+        other.wait().expect("ends");
+    }
+    output
+}
+
+#[test]
+fn a_run_is_judged_only_by_what_it_was_asked_for() {
+    const TUMBLE: &[&str] = &["--seconds", "1"];
+    let same = asked_differently("same", TUMBLE, TUMBLE);
+    assert_eq!(same.status.code(), Some(0), "{}", stderr(&same));
+    let other: [(&str, &[&str], &str); 4] = [
+        ("seed", &["--seconds", "1", "--seed", "2"], "--seed"),
+        (
+            "scenario",
+            &["--seconds", "1", "--scenario", "static"],
+            "--scenario",
+        ),
+        ("seconds", &["--seconds", "0.9"], "--seconds"),
+        (
+            "set",
+            &["--seconds", "1", "--set", "controller.averaging=8"],
+            "--scenario",
+        ),
+    ];
+    for (name, emulate, option) in other {
+        let output = asked_differently(name, emulate, TUMBLE);
+        let said = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{name}: {said}");
+        assert!(
+            said.contains(option) && said.contains("different runs"),
+            "{name}: {said}"
+        );
+    }
+}

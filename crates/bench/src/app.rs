@@ -1,8 +1,10 @@
 //! An application: one algorithm with its golden model, board, sensors and nodes.
 
+use std::collections::BTreeMap;
+
 use cardan_datapath::{Format, NodeInfo};
 use cardan_numerics::tape::Flow;
-use cardan_outputs::{Check, Message, Outputs};
+use cardan_outputs::{Check, Message, Outputs, Stage};
 use cardan_scenario::Scenario;
 use cardan_spec::ThirdTilt;
 use cardan_spec::timing::Averaging;
@@ -26,7 +28,25 @@ pub struct Configuration {
     pub period_log2: u8,
     /// The third tilt axis, as in the options of the EEPROM image.
     pub third_tilt: u8,
+    /// Whether each node's share of the rounding is wanted.
+    #[serde(default)]
+    pub shares: bool,
+    /// What the emulated participant was asked to run, by option: whoever judges was asked the same.
+    #[serde(default)]
+    pub request: BTreeMap<String, String>,
 }
+
+/// A participant that computes stages of the chain besides what it publishes as nodes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Party {
+    /// The one with the emulated device, which knows what its sensors experience.
+    Emulated,
+    /// The one with the golden model.
+    Golden,
+}
+
+/// Places of stages in [`App::stages`], each with the engine whose values of the group's nodes are the stage's.
+pub type Models = Vec<(usize, Box<dyn Engine>)>;
 
 impl Configuration {
     /// The third tilt axis; none where the field says nothing admissible.
@@ -70,19 +90,17 @@ pub enum Feed {
     Direct,
 }
 
-/// What a run has shown of the stages before the firmware.
-#[derive(Clone, Copy, Debug)]
-pub struct Evidence<'a> {
-    /// What was to be run.
-    pub scenario: &'a Scenario,
-    /// What it was made of.
-    pub configuration: &'a Configuration,
-    /// All conversions, the warm-up included.
-    pub conversions: &'a [Conversion],
-    /// Output instant of each solution in seconds after reset.
-    pub truth_times_s: &'a [f64],
-    /// What the emulated engine counted.
-    pub summary: &'a Summary,
+/// Looks at what a run shows of the stages before the firmware, event by event.
+pub trait Checker {
+    /// The next conversion, the warm-up included.
+    fn conversion(&mut self, conversion: &Conversion);
+    /// The output instant of the next solution in seconds after reset, and the cycle at which its inputs were
+    /// complete.
+    fn instant(&mut self, time_s: f64, complete: u64);
+    /// The next message of the device: its bytes, the last of which ended at `cycle`.
+    fn message(&mut self, bytes: &[u8], cycle: u64);
+    /// What was found, with what the emulated engine counted.
+    fn finish(&self, summary: &Summary) -> Vec<Check>;
 }
 
 /// How closely a node must agree, and why that is the measure.
@@ -96,13 +114,6 @@ pub struct Tolerance {
     pub reason: &'static str,
 }
 
-/// A run's attitudes where some nodes are rounded and the others are real.
-pub trait RoundingSteps: Sync {
-    /// Yaw, pitch and roll of every solution, in half turns, where the nodes below `quantised` are
-    /// rounded: the values of [`App::real`]'s engine at [`App::attitude_nodes`].
-    fn attitudes(&self, quantised: usize) -> [Vec<f64>; 3];
-}
-
 /// An application.
 pub trait App: Sync {
     /// Name, as in `--app`.
@@ -113,6 +124,11 @@ pub trait App: Sync {
     fn formats_hash(&self) -> u64;
     /// Index of each golden node among [`App::nodes`].
     fn golden_nodes(&self) -> Vec<usize>;
+    /// How many values each node takes in a solution with these settings; 0 for nodes that take none.
+    ///
+    /// # Errors
+    /// An algorithm that cannot be recorded.
+    fn values_per_solution(&self, configuration: &Configuration) -> Result<Vec<usize>, String>;
     /// By how much golden's nodes may differ beside rounding.
     fn tolerances(&self) -> Vec<Tolerance>;
     /// Seconds from one solution to the next.
@@ -150,7 +166,8 @@ pub trait App: Sync {
         quantised: usize,
         formats: Option<&[Format]>,
     ) -> Result<Box<dyn Engine>, String>;
-    /// The attitudes on the same codes where more and more nodes are rounded.
+    /// The group's values on the same codes where more and more nodes are rounded: a step behind the last
+    /// stage for each node.
     ///
     /// # Errors
     /// Formats that cannot be computed in.
@@ -158,8 +175,7 @@ pub trait App: Sync {
         &self,
         configuration: &Configuration,
         formats: Option<&[Format]>,
-        conversions: &[Conversion],
-    ) -> Result<Box<dyn RoundingSteps>, String>;
+    ) -> Result<Box<dyn Engine>, String>;
     /// The golden model.
     fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine>;
     /// Calibrates a unit by what it sends in known attitudes.
@@ -196,7 +212,15 @@ pub trait App: Sync {
     ///
     /// # Errors
     /// A scenario that cannot run.
-    fn checks(&self, evidence: &Evidence<'_>) -> Result<Vec<Check>, String>;
+    fn checker(
+        &self,
+        scenario: &Scenario,
+        configuration: &Configuration,
+    ) -> Result<Box<dyn Checker>, String>;
+    /// The stages that a participant computes with the golden model on inputs better than the device's own.
+    fn models(&self, configuration: &Configuration, party: Party) -> Models;
+    /// From the truth to the device: neighbouring stages are the parts of the error budget.
+    fn stages(&self) -> &'static [Stage];
     /// What a message carries.
     fn outputs(&self, configuration: &Configuration) -> Outputs;
     /// A message as the golden side reads it.
@@ -204,10 +228,6 @@ pub trait App: Sync {
     /// # Errors
     /// Bytes that are no message, and why.
     fn decode(&self, bytes: &[u8]) -> Result<Message, String>;
-    /// Attitude in half turns (yaw, pitch, roll) and status bits of a frame, if it is whole.
-    fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)>;
-    /// Nodes that hold yaw, pitch and roll.
-    fn attitude_nodes(&self) -> [usize; 3];
 }
 
 /// All applications.

@@ -45,14 +45,16 @@ pub struct ThirdTilt {
     pub truly_upside_down: Option<bool>,
 }
 
-/// The true attitude at a solution's output instant.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// The truth at a solution's output instant.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Truth {
+    /// Cycle at which the solution's inputs were complete.
+    pub cycle: u64,
     /// The output instant in seconds after reset: the centre of the conversions less the group
     /// delay.
     pub time_s: f64,
-    /// Yaw, pitch, roll of set 1 in radians; none where a recording has no reference.
-    pub yaw_pitch_roll_rad: Option<[f64; 3]>,
+    /// The values of the product's group in their own unit; none where a recording has no reference.
+    pub values: Option<Vec<f64>>,
 }
 
 /// Why a sink refused: the reader on its other side is gone.
@@ -87,6 +89,19 @@ pub trait Sink {
     /// A model's status of the solution that is complete: its bits, and those that rounding decides.
     fn status(&mut self, set: u16, doubtful: u16, cycle: u64) -> Result<(), SinkError> {
         let _ = (set, doubtful, cycle);
+        Ok(())
+    }
+
+    /// A member of the product's group has this value, in its own unit, at a stage of the chain; steps of the
+    /// rounding follow behind the last stage.
+    fn stage(
+        &mut self,
+        stage: usize,
+        member: usize,
+        value: f64,
+        cycle: u64,
+    ) -> Result<(), SinkError> {
+        let _ = (stage, member, value, cycle);
         Ok(())
     }
 

@@ -7,7 +7,7 @@ use cardan_bench::app::{Configuration, Feed};
 use cardan_bench::attitude::Attitude;
 use cardan_scenario::Scenario;
 
-use rig::{Recorder, largest, run};
+use rig::{Recorder, largest, node, run};
 
 /// The bundled scenario on the emulated controller.
 fn tumble(seconds: f64) -> (Configuration, Recorder) {
@@ -119,8 +119,8 @@ fn frames_tell_the_yaw_of_the_truth_to_the_sensors_noise() {
     let mut squares = Vec::new();
     for (truth, frame) in emulated.truths.iter().zip(&emulated.frames) {
         let (angles, flags) = Attitude.decode_frame(frame).expect("whole");
-        let [yaw, ..] = truth.yaw_pitch_roll_rad.expect("synthetic");
-        let error = 180.0 * difference("half_turn", angles[0], yaw / std::f64::consts::PI);
+        let yaw = truth.values.as_ref().expect("synthetic")[0];
+        let error = 180.0 * difference("half_turn", angles[0], yaw);
         if flags == 0 {
             squares.push(error * error);
         }
@@ -139,16 +139,19 @@ fn frames_tell_the_yaw_of_the_truth_to_the_sensors_noise() {
 fn rounding_steps_are_the_real_interpretation_with_the_first_nodes_rounded() {
     let (configuration, emulated) = tumble(1.0);
     let steps = Attitude
-        .rounding_steps(&configuration, None, &emulated.conversions)
+        .rounding_steps(&configuration, None)
         .expect("deployed formats");
+    let (steps, _) = run(steps, &emulated.conversions);
+    let first = Attitude.stages().len();
     // Before, at and behind the average, whose words the steps behind it share.
-    for quantised in [0, 1, 4, 5, 6, 30, Attitude.nodes().len()] {
+    for quantised in [1, 4, 5, 6, 30, Attitude.nodes().len()] {
         let engine = Attitude.real(&configuration, quantised, None);
         let (shown, _) = run(engine.expect("runs"), &emulated.conversions);
-        let expected = Attitude
-            .attitude_nodes()
-            .map(|node| shown.reals[node].clone());
-        assert!(!expected[0].is_empty());
-        assert_eq!(steps.attitudes(quantised), expected, "{quantised} nodes");
+        for (member, name) in ["yaw", "pitch", "roll"].into_iter().enumerate() {
+            let expected = &shown.reals[node(name)];
+            assert!(!expected.is_empty());
+            let found = &steps.stages[&(first + quantised - 1, member)];
+            assert_eq!(found, expected, "{quantised} nodes, {name}");
+        }
     }
 }

@@ -132,7 +132,8 @@ fn golden_reads_the_third_axis_as_native_does_and_as_it_truly_is() {
     );
     assert_eq!(direct.len(), emulated.truths.len());
     for (told, truth) in direct.iter().zip(&emulated.truths) {
-        let [_, pitch, roll] = truth.yaw_pitch_roll_rad.expect("synthetic");
+        let angles = truth.values.as_ref().expect("synthetic");
+        let [pitch, roll] = [angles[1], angles[2]].map(|angle| angle * std::f64::consts::PI);
         let down = libm::cos(pitch) * libm::cos(roll);
         assert!((told - down).abs() < 3e-3, "{told} {down}");
     }

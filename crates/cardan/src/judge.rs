@@ -1,123 +1,249 @@
-//! From what a session published to the comparison that is judged.
+//! From what a session publishes to the verdict: facts that hold for the whole run, then one window of
+//! solutions after another.
 
-mod attitudes;
 mod limits;
 mod nodes;
+mod window;
 
-use cardan_bench::App;
-use cardan_bench::app::Evidence;
+use cardan_bench::app::{Checker, Configuration, Party};
 use cardan_compare::{
-    Assumed, Comparison, EmulatorStatistics, Frames, LinkStatistics, Messages, NOT_JUDGED,
-    Reproduce, Run, TruthTolerance,
+    Assumed, Comparison, EmulatorStatistics, Judge, LinkStatistics, NOT_JUDGED, Planned, Plots,
+    Report, Reproduce, Required, RoundingStep, Run, Series, TruthTolerance,
 };
-use cardan_outputs::{Check, Message, Status};
 use cardan_scenario::{Trajectory, report};
 
-use self::attitudes::{attitudes, rounding_steps};
 use self::limits::{most_flagged, stage_limits, tuned_to, widened};
-use self::nodes::nodes;
 pub(crate) use self::nodes::operations_of;
+use crate::dump;
 use crate::failure::Failure;
-use crate::participants::diff::Collected;
+use crate::participants::diff::{Collected, Tail};
+use crate::participants::streams::Layout;
 use crate::run_options::Setup;
 
-/// Builds the comparison of a run.
-pub(crate) fn comparison(
-    setup: &Setup,
-    collected: &Collected,
-    session: &str,
-    command: String,
-) -> Result<Comparison, Failure> {
-    let mut comparison = without_shares(setup, collected, session, command)?;
-    comparison.attitudes.rounding_steps = rounding_steps(setup, collected)?;
-    Ok(comparison)
+/// Names that a result carries.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Names<'a> {
+    /// The session.
+    pub(crate) session: &'a str,
+    /// The command that gives the same result again.
+    pub(crate) command: &'a str,
 }
 
-/// The same without each node's share of the rounding, which the verdict does not need.
-pub(crate) fn without_shares(
+/// What is wanted beside the verdict.
+#[derive(Default)]
+pub(crate) struct Wanted<'a> {
+    /// A dump of the values.
+    pub(crate) dump: Option<&'a dump::Plan>,
+    /// What the page draws.
+    pub(crate) plots: bool,
+}
+
+/// A judged session.
+pub(crate) struct Outcome {
+    /// The document.
+    pub(crate) report: Report,
+    /// What it was made from, without the values.
+    pub(crate) facts: Comparison,
+    /// What the page draws, where it was wanted.
+    pub(crate) plots: Option<Plots>,
+    /// The values, ready to be put in their place.
+    pub(crate) dump: Option<dump::Writer>,
+    /// How the emulated program crashed.
+    pub(crate) crash: Option<String>,
+}
+
+/// Judges a session window by window.
+pub(crate) struct Session<'a> {
+    setup: &'a Setup,
+    configuration: Configuration,
+    facts: Comparison,
+    /// By node of the facts: its index among the application's.
+    indices: Vec<usize>,
+    /// The same among golden's.
+    golden: Vec<Option<usize>>,
+    judge: Judge,
+    checker: Box<dyn Checker>,
+    dump: Option<dump::Writer>,
+    /// Sum of the times from output instants to the ends of their frames, in seconds, and their number.
+    latency_s: (f64, u64),
+}
+
+/// By what windows of the session are cut.
+pub(crate) fn layout(
     setup: &Setup,
-    collected: &Collected,
-    session: &str,
-    command: String,
-) -> Result<Comparison, Failure> {
+    configuration: &Configuration,
+    timed: Vec<usize>,
+) -> Result<Layout, Failure> {
     let app = setup.app;
-    let flags = flags(app, &collected.native_frames);
-    let trajectory = Trajectory::new(&setup.scenario, setup.seed).map_err(Failure::input)?;
-    let summary = &collected.emulated_summary;
-    let run = Run {
-        app: app.name().to_owned(),
-        scenario: setup.scenario.name.clone(),
-        seed: setup.seed,
-        session: session.to_owned(),
-        seconds: summary.cycles as f64 / cardan_spec::timing::CPU_HZ as f64,
-        samples: collected.conversions.len() as u64,
-        solution_seconds: app.solution_seconds(&collected.configuration),
+    let per_solution = app
+        .values_per_solution(configuration)
+        .map_err(Failure::input)?;
+    let golden_nodes = app.golden_nodes();
+    let golden_per_solution = golden_nodes
+        .iter()
+        .map(|&node| per_solution.get(node).copied().unwrap_or(0));
+    let places = |party| {
+        app.models(configuration, party)
+            .into_iter()
+            .map(|(stage, _)| stage)
     };
-    let widened = widened(setup);
-    let tolerance = &widened.truth;
-    let limits = [tolerance.rms_deg, tolerance.p99_deg, tolerance.max_deg];
-    let truth_tolerance = limits
-        .iter()
-        .any(Option::is_some)
-        .then_some(TruthTolerance {
-            rms_deg: tolerance.rms_deg,
-            p99_deg: tolerance.p99_deg,
-            max_deg: tolerance.max_deg,
-        });
-    let assumed = assumed(setup, &trajectory);
-    let mut provenance = vec![
-        ("cardan".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
-        ("formats".to_owned(), format!("{:016x}", setup.formats_hash)),
-        ("image".to_owned(), setup.firmware.name.clone()),
-    ];
-    provenance.extend(
-        summary
-            .remarks
-            .iter()
-            .map(|remark| ("remark".to_owned(), remark.clone())),
-    );
-    for text in setup
-        .tuned
-        .iter()
-        .flat_map(|tuned| tuned_to(tuned).unjudged)
-    {
-        let remark = format!("tuned to {text}, which a comparison does not measure");
-        provenance.push(("remark".to_owned(), remark));
+    // The truth is the first stage, and the emulated participant's.
+    let emulated = std::iter::once(0).chain(places(Party::Emulated)).collect();
+    let steps = if configuration.shares {
+        app.nodes().len()
+    } else {
+        0
+    };
+    let first_step = app.stages().len();
+    let group = app.outputs(configuration).group;
+    Ok(Layout {
+        golden_per_solution: golden_per_solution.collect(),
+        per_solution,
+        taps: setup.firmware.taps.is_some(),
+        stages: [
+            emulated,
+            places(Party::Golden).collect(),
+            (first_step..first_step + steps).collect(),
+        ],
+        members: group.map_or(0, |group| group.members.len()),
+        timed,
+    })
+}
+
+impl<'a> Session<'a> {
+    pub(crate) fn new(
+        setup: &'a Setup,
+        configuration: &Configuration,
+        names: Names<'_>,
+        wanted: &Wanted<'_>,
+    ) -> Result<Self, Failure> {
+        let app = setup.app;
+        let (nodes, indices) = nodes::facts(setup, configuration)?;
+        let golden_nodes = app.golden_nodes();
+        let golden = |index: &usize| golden_nodes.iter().position(|node| node == index);
+        let outputs = app.outputs(configuration);
+        let width = outputs
+            .group
+            .as_ref()
+            .map_or(0, |group| group.members.len());
+        let mut chain = cardan_compare::Chain::new(app.stages(), width);
+        if configuration.shares {
+            let step = |node: &cardan_datapath::NodeInfo| RoundingStep {
+                node: node.name.to_owned(),
+                values: Series::new(width),
+            };
+            chain.steps = app.nodes().iter().map(step).collect();
+        }
+        let widened = widened(setup);
+        let facts = Comparison {
+            run: Run {
+                app: app.name().to_owned(),
+                scenario: setup.scenario.name.clone(),
+                seed: setup.seed,
+                session: names.session.to_owned(),
+                solution_seconds: app.solution_seconds(configuration),
+                ..Run::default()
+            },
+            nodes,
+            outputs,
+            chain,
+            stale: setup.stale.clone(),
+            stage_limits: stage_limits(&widened),
+            most_flagged: most_flagged(&widened),
+            tuned: setup.tuned.as_ref().map(tuned_to),
+            truth_tolerance: truth_tolerance(&widened.truth),
+            widening: setup.scenario.widening(setup.seconds),
+            assumed: assumed(setup)?,
+            reproduce: Reproduce {
+                command: names.command.to_owned(),
+                provenance: Vec::new(),
+            },
+            required: Some(Required {
+                solutions: configuration.solutions,
+            }),
+            ..Comparison::default()
+        };
+        let solutions = usize::try_from(configuration.solutions).unwrap_or(usize::MAX);
+        let planned = Planned {
+            solutions,
+            judged: solutions,
+        };
+        let mut scenario = setup.scenario.clone();
+        scenario.tolerance = widened;
+        let checker = app
+            .checker(&scenario, configuration)
+            .map_err(Failure::input)?;
+        let dump = wanted
+            .dump
+            .map(|plan| plan.begin(app, &facts))
+            .transpose()?;
+        Ok(Self {
+            setup,
+            configuration: configuration.clone(),
+            golden: indices.iter().map(golden).collect(),
+            judge: Judge::new(&facts, planned, wanted.plots),
+            indices,
+            checker,
+            dump,
+            latency_s: (0.0, 0),
+            facts,
+        })
     }
-    if let Some(what) = &setup.not_judged {
-        provenance.push((NOT_JUDGED.to_owned(), what.clone()));
+
+    /// By what windows are cut.
+    pub(crate) fn layout(&self) -> Result<Layout, Failure> {
+        let timed = self
+            .dump
+            .as_ref()
+            .map(dump::Writer::nodes)
+            .unwrap_or_default();
+        layout(self.setup, &self.configuration, timed)
     }
-    if let Some(crash) = &summary.crash {
-        provenance.push(("crash".to_owned(), crash.clone()));
+
+    /// The next window.
+    pub(crate) fn add(&mut self, collected: &Collected) -> Result<(), Failure> {
+        self.facts.run.samples += collected.conversions.len() as u64;
+        if self.facts.emulator.first_conversion_cycle.is_none() {
+            let first = collected.conversions.first();
+            self.facts.emulator.first_conversion_cycle = first.map(|first| first.cycle);
+        }
+        for conversion in &collected.conversions {
+            self.checker.conversion(conversion);
+        }
+        for instant in &collected.instants {
+            self.checker.instant(instant.time_s, instant.cycle);
+        }
+        let messages = collected.emulated_frames.iter();
+        for (bytes, &cycle) in messages.zip(&collected.emulated_frame_cycles) {
+            self.checker.message(bytes, cycle);
+        }
+        let ends = collected.emulated_frame_cycles.iter();
+        for (&end, instant) in ends.zip(&collected.instants) {
+            self.latency_s.0 += end as f64 / cardan_spec::timing::CPU_HZ as f64 - instant.time_s;
+            self.latency_s.1 += 1;
+        }
+        let window = self.window(collected);
+        self.judge.add(&window);
+        if let Some(dump) = &mut self.dump {
+            dump.add(&window, collected)?;
+        }
+        Ok(())
     }
-    Ok(Comparison {
-        run,
-        nodes: nodes(setup, collected, flags.len())?,
-        frames: Frames {
-            native: collected.native_frames.clone(),
-            emulated: collected.emulated_frames.clone(),
-        },
-        attitudes: attitudes(setup, collected)?,
-        flags,
-        outputs: app.outputs(&collected.configuration),
-        messages: Messages {
-            native: messages(app, &collected.native_frames),
-            emulated: messages(app, &collected.emulated_frames),
-        },
-        status: status(collected),
-        checks: checks(setup, collected)?,
-        stale: setup.stale.clone(),
-        stage_limits: stage_limits(&widened),
-        most_flagged: most_flagged(&widened),
-        tuned: setup.tuned.as_ref().map(tuned_to),
-        truth_tolerance,
-        widening: setup.scenario.widening(setup.seconds),
-        emulator: EmulatorStatistics {
+
+    /// The verdict, with what is known at the end.
+    pub(crate) fn finish(mut self, tail: &Tail) -> Result<Outcome, Failure> {
+        let summary = &tail.emulated;
+        let seconds = summary.cycles as f64 / cardan_spec::timing::CPU_HZ as f64;
+        self.facts.run.seconds = seconds;
+        for (node, &index) in self.facts.nodes.iter_mut().zip(&self.indices) {
+            node.overflows = tail.native.overflows.get(index).copied().unwrap_or(0);
+        }
+        self.facts.checks = self.checker.finish(summary);
+        let (sum_s, count) = self.latency_s;
+        self.facts.emulator = EmulatorStatistics {
             cycles: summary.cycles,
             instructions: summary.instructions,
-            realtime_factor: summary.cycles as f64
-                / cardan_spec::timing::CPU_HZ as f64
-                / summary.host_seconds,
+            realtime_factor: seconds / summary.host_seconds,
             cpu_load: 1.0 - summary.sleeping_cycles as f64 / (summary.cycles as f64).max(1.0),
             stack_peak: Some(summary.stack_peak),
             late_conversions: summary.late_conversions,
@@ -126,53 +252,70 @@ pub(crate) fn without_shares(
             missed_deadlines: summary.missed_deadlines,
             mistimed: summary.mistimed,
             first_mistimed: summary.first_mistimed.clone(),
-            output_latency_ms: output_latency_ms(collected),
-            first_conversion_cycle: collected.conversions.first().map(|first| first.cycle),
-        },
-        link: LinkStatistics {
-            messages: collected.messages,
-            bytes: collected.bytes,
-            lost: collected.lost,
-        },
-        assumed,
-        reproduce: Reproduce {
-            command,
-            provenance,
-        },
+            output_latency_ms: (count > 0).then(|| 1e3 * sum_s / count as f64),
+            first_conversion_cycle: self.facts.emulator.first_conversion_cycle,
+        };
+        self.facts.link = LinkStatistics {
+            messages: tail.messages,
+            bytes: tail.bytes,
+            lost: tail.lost,
+        };
+        self.facts.reproduce.provenance = provenance(self.setup, tail);
+        let (report, plots) = self.judge.finish(&self.facts);
+        Ok(Outcome {
+            report,
+            facts: self.facts,
+            plots,
+            dump: self.dump,
+            crash: summary.crash.clone(),
+        })
+    }
+}
+
+fn truth_tolerance(
+    tolerance: &cardan_scenario::tolerance::TruthTolerance,
+) -> Option<TruthTolerance> {
+    let limits = [tolerance.rms_deg, tolerance.p99_deg, tolerance.max_deg];
+    let is_set = limits.iter().any(Option::is_some);
+    is_set.then_some(TruthTolerance {
+        rms: tolerance.rms_deg,
+        p99: tolerance.p99_deg,
+        max: tolerance.max_deg,
     })
 }
 
-/// From the output instants to the ends of their frames, on the average.
-fn output_latency_ms(collected: &Collected) -> Option<f64> {
-    let ends_s = collected.emulated_frame_cycles.iter();
-    let ends_s = ends_s.map(|&cycle| cycle as f64 / cardan_spec::timing::CPU_HZ as f64);
-    let latencies: Vec<f64> = ends_s
-        .zip(&collected.truths)
-        .map(|(end_s, truth)| 1e3 * (end_s - truth.time_s))
-        .collect();
-    let count = latencies.len() as f64;
-    (count > 0.0).then(|| latencies.iter().sum::<f64>() / count)
-}
-
-/// What each stage before the firmware did by itself.
-fn checks(setup: &Setup, collected: &Collected) -> Result<Vec<Check>, Failure> {
-    let truth_times_s: Vec<f64> = collected.truths.iter().map(|truth| truth.time_s).collect();
-    let mut scenario = setup.scenario.clone();
-    scenario.tolerance = widened(setup);
-    let evidence = Evidence {
-        scenario: &scenario,
-        configuration: &collected.configuration,
-        conversions: &collected.conversions,
-        truth_times_s: &truth_times_s,
-        summary: &collected.emulated_summary,
-    };
-    setup.app.checks(&evidence).map_err(Failure::input)
+/// What else decides the result, and what is to be said of the run.
+fn provenance(setup: &Setup, tail: &Tail) -> Vec<(String, String)> {
+    let mut provenance = vec![
+        ("cardan".to_owned(), env!("CARGO_PKG_VERSION").to_owned()),
+        ("formats".to_owned(), format!("{:016x}", setup.formats_hash)),
+        ("image".to_owned(), setup.firmware.name.clone()),
+    ];
+    let remark = |text: String| ("remark".to_owned(), text);
+    provenance.extend(tail.emulated.remarks.iter().cloned().map(remark));
+    let tuned = setup
+        .tuned
+        .iter()
+        .flat_map(|tuned| tuned_to(tuned).unjudged);
+    provenance.extend(tuned.map(|text| {
+        remark(format!(
+            "tuned to {text}, which a comparison does not measure"
+        ))
+    }));
+    if let Some(what) = &setup.not_judged {
+        provenance.push((NOT_JUDGED.to_owned(), what.clone()));
+    }
+    if let Some(crash) = &tail.emulated.crash {
+        provenance.push(("crash".to_owned(), crash.clone()));
+    }
+    provenance
 }
 
 /// Everything assumed; a calibration that the user gave is not the scenario's.
-fn assumed(setup: &Setup, trajectory: &Trajectory) -> Vec<Assumed> {
+fn assumed(setup: &Setup) -> Result<Vec<Assumed>, Failure> {
+    let trajectory = Trajectory::new(&setup.scenario, setup.seed).map_err(Failure::input)?;
     let eeprom = setup.firmware.eeprom.as_ref();
-    report::assumptions(&setup.scenario, trajectory)
+    let assumed = report::assumptions(&setup.scenario, &trajectory)
         .into_iter()
         .map(|a| match eeprom {
             Some(image) if a.key == report::CALIBRATION => Assumed {
@@ -185,30 +328,17 @@ fn assumed(setup: &Setup, trajectory: &Trajectory) -> Vec<Assumed> {
                 value: a.value,
                 reason: a.source,
             },
-        })
-        .collect()
+        });
+    Ok(assumed.collect())
 }
 
-/// Native's status word per solution. A frame that cannot be read counts as flagged throughout.
-fn flags(app: &dyn App, frames: &[Vec<u8>]) -> Vec<u16> {
-    let flags = |frame: &Vec<u8>| app.decode_frame(frame).map_or(u16::MAX, |(_, flags)| flags);
-    frames.iter().map(flags).collect()
-}
-
-fn messages(app: &dyn App, frames: &[Vec<u8>]) -> Vec<Result<Message, String>> {
-    frames.iter().map(|frame| app.decode(frame)).collect()
-}
-
-/// Golden's status of each solution; the real interpretation knows which bits rounding decides.
-fn status(collected: &Collected) -> Vec<Status> {
-    let doubts = collected.real_status.iter().map(|real| real.doubtful);
-    collected
-        .golden_status
-        .iter()
-        .zip(doubts.chain(std::iter::repeat(0)))
-        .map(|(golden, doubtful)| Status {
-            set: golden.set,
-            doubtful,
-        })
-        .collect()
+/// The verdict of a whole session that was collected before.
+pub(crate) fn of_collected(
+    setup: &Setup,
+    collected: &Collected,
+    names: Names<'_>,
+) -> Result<Report, Failure> {
+    let mut session = Session::new(setup, &collected.configuration, names, &Wanted::default())?;
+    session.add(collected)?;
+    Ok(session.finish(&collected.tail)?.report)
 }

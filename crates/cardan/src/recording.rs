@@ -25,7 +25,7 @@ impl Sink for Kept {
     }
 
     fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
-        self.truths.push(*truth);
+        self.truths.push(truth.clone());
         Ok(())
     }
 }

@@ -5,19 +5,19 @@
 //! change of the conversions, from which [`Rig::recompute`] makes what firmware and golden model
 //! give.
 
-use cardan_bench::app::Feed;
+use cardan_bench::app::{Feed, Party};
 use cardan_bench::{Engine, Sink, SinkError};
-use cardan_compare::{Expectation, Report, compare};
-use cardan_link::{SessionId, Status};
+use cardan_compare::{Expectation, Report};
+use cardan_link::Status;
 use cardan_numerics::tape::Expected;
 use clap::Parser;
 
 use crate::commands::compare::{self, CompareArgs};
 use crate::failure::Failure;
-use crate::judge;
+use crate::judge::{self, Names};
 use crate::run_options::Setup;
 
-pub use crate::participants::diff::{Collected, Streams};
+pub use crate::participants::diff::{Collected, Streams, Tail};
 
 /// A recorded session.
 pub struct Rig {
@@ -41,9 +41,10 @@ impl Rig {
         let line = std::iter::once("compare").chain(arguments.iter().copied());
         let arguments = Arguments::try_parse_from(line).map_err(|error| error.to_string())?;
         let told = |failure: Failure| failure.to_string();
-        let setup = arguments.compare.run.resolve().map_err(told)?;
-        let collected = compare::collected(&setup, &SessionId::fresh(), None, compare::PATIENCE)
-            .map_err(told)?;
+        let mut setup = arguments.compare.run.resolve().map_err(told)?;
+        // The verdict does not need each node's share of the rounding.
+        setup.shares = false;
+        let collected = compare::collected(&setup).map_err(told)?;
         Ok(Self { setup, collected })
     }
 
@@ -70,7 +71,7 @@ impl Rig {
         let native = self.run(&mut *app.native(&configuration, formats)?)?;
         let real = self.run(&mut *app.expectation(&configuration, formats)?)?;
         let golden = self.run(&mut *app.golden(&configuration, Feed::Codes))?;
-        let ideal = self.run(&mut *app.golden(&configuration, Feed::IdealVolts))?;
+        let stages = self.stages(Party::Golden)?;
         let collected = &mut self.collected;
         collected.emulated = native.words.clone();
         collected.native = native.words;
@@ -78,8 +79,33 @@ impl Rig {
         collected.native_frames = native.frames;
         (collected.real, collected.expected) = (real.reals, real.expected);
         (collected.real_status, collected.golden_status) = (real.statuses, golden.statuses);
-        (collected.golden, collected.golden_ideal) = (golden.reals, ideal.reals);
+        collected.golden = golden.reals;
+        for (stage, values) in stages {
+            collected.stages.insert(stage, values);
+        }
         Ok(())
+    }
+
+    /// What a participant's models make of the conversions, by stage: per member, per solution.
+    fn stages(&self, party: Party) -> Result<Vec<(usize, Vec<Vec<f64>>)>, String> {
+        let (app, configuration) = (self.setup.app, &self.collected.configuration);
+        let members = app.outputs(configuration).group.map(|group| group.members);
+        let nodes = app.golden_nodes();
+        let place = |node: &str| {
+            nodes
+                .iter()
+                .position(|&index| app.nodes()[index].name == node)
+        };
+        let mut stages = Vec::new();
+        for (stage, mut engine) in app.models(configuration, party) {
+            let kept = self.run(&mut *engine)?;
+            let values = members.iter().flatten().map(|member| {
+                let values = place(&member.node).and_then(|place| kept.reals.get(&place));
+                values.cloned().unwrap_or_default()
+            });
+            stages.push((stage, values.collect()));
+        }
+        Ok(stages)
     }
 
     fn run(&self, engine: &mut dyn Engine) -> Result<Kept, String> {
@@ -96,10 +122,12 @@ impl Rig {
     /// # Errors
     /// A scenario that cannot be judged.
     pub fn judge(&self) -> Result<Report, String> {
-        let command = "cardan compare".to_owned();
-        let comparison = judge::without_shares(&self.setup, &self.collected, "auto", command)
-            .map_err(|failure| failure.to_string())?;
-        Ok(compare(&comparison))
+        let names = Names {
+            session: "auto",
+            command: "cardan compare",
+        };
+        judge::of_collected(&self.setup, &self.collected, names)
+            .map_err(|failure| failure.to_string())
     }
 }
 

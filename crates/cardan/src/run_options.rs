@@ -1,5 +1,7 @@
 //! What a comparison runs: the options that its participants share, and their resolution.
 
+use std::collections::BTreeMap;
+use std::hash::{DefaultHasher, Hasher as _};
 use std::path::{Path, PathBuf};
 
 use cardan_bench::App;
@@ -10,7 +12,7 @@ use cardan_datapath::{Format, table_hash};
 use cardan_scenario::scenario::MotionKind;
 use cardan_scenario::third_tilt;
 use cardan_scenario::tolerance::Tolerance;
-use cardan_scenario::{Scenario, Trajectory};
+use cardan_scenario::{Scenario, Trajectory, print_scenario};
 use clap::Args;
 
 mod stale;
@@ -88,6 +90,8 @@ pub(crate) struct Setup {
     pub(crate) formats: Option<Vec<Format>>,
     /// What the checkout says of image and program, where its firmware is another.
     pub(crate) stale: Option<String>,
+    /// Whether each node's share of the rounding is computed.
+    pub(crate) shares: bool,
     /// Why the limits of the bundled scenario do not apply.
     pub(crate) not_judged: Option<String>,
     /// Keys of the limits that were stated for this run, which stay as they are however long it is.
@@ -167,6 +171,7 @@ impl RunOptions {
                 None => Failure::input(error),
             })?;
         Ok(Setup {
+            shares: true,
             stale,
             app,
             scenario,
@@ -185,7 +190,7 @@ impl RunOptions {
     pub(crate) fn changed_scenario(&self) -> Result<(Scenario, Option<String>), Failure> {
         let mut scenario = Scenario::load(&self.scenario).map_err(Failure::input)?;
         let changed = self.changed_limits(&scenario);
-        if changed.is_some() {
+        if self.is_changed(&scenario) {
             scenario.tolerance = Tolerance::default();
         }
         if let Some(file) = &self.recording {
@@ -201,24 +206,40 @@ impl RunOptions {
         Ok((scenario, changed))
     }
 
-    /// What of a bundled scenario is replaced, so that its limits on truth, stages, channels and flagged
-    /// share say nothing of the run.
-    fn changed_limits(&self, scenario: &Scenario) -> Option<String> {
+    /// What of a bundled scenario is replaced.
+    fn changes(&self, scenario: &Scenario) -> Vec<&str> {
         if !scenario.is_bundled() {
-            return None;
+            return Vec::new();
         }
         let set = self.set.iter().map(|(key, _)| key.as_str());
         let set = set.filter(|key| !Scenario::keeps_limits(key));
-        let changed: Vec<&str> = self
-            .recording
-            .iter()
-            .map(|_| "--recording")
-            .chain(set)
-            .collect();
-        (!changed.is_empty()).then(|| {
+        let recording = self.recording.iter().map(|_| "--recording");
+        recording.chain(set).collect()
+    }
+
+    /// Whether the limits of the bundled scenario hold no longer.
+    fn is_changed(&self, scenario: &Scenario) -> bool {
+        !self.changes(scenario).is_empty()
+    }
+
+    /// Which limits are not applied, since the bundled scenario to which they belong is changed.
+    fn changed_limits(&self, scenario: &Scenario) -> Option<String> {
+        let changed = self.changes(scenario);
+        // What is stated for this very run is judged all the same.
+        let is_stated = |table: &str| self.set.iter().any(|(key, _)| key.starts_with(table));
+        let groups = [
+            ("truth", "tolerance.truth."),
+            ("stages", "tolerance.stages."),
+            ("channels", "tolerance.channels."),
+            ("flagged share", "tolerance.status."),
+        ];
+        let open = groups.iter().filter(|(_, table)| !is_stated(table));
+        let open: Vec<&str> = open.map(|(name, _)| *name).collect();
+        (!changed.is_empty() && !open.is_empty()).then(|| {
             format!(
-                "truth, stages, channels and flagged share, whose limits belong to the bundled scenario \
-                 without {}; state limits with --set tolerance.truth.rms_deg=... or a scenario file",
+                "{}, whose limits belong to the bundled scenario without {}; state limits with --set \
+                 tolerance.truth.rms_deg=... or a scenario file",
+                open.join(", "),
                 changed.join(", ")
             )
         })
@@ -338,6 +359,45 @@ const MEMORY_PER_SECOND: f64 = 4.0 * 1.6e9 / 3600.0;
 const LONG_S: f64 = 120.0;
 
 impl Setup {
+    /// What is to be run, by option: participants that are started by hand must agree in it.
+    pub(crate) fn request(&self) -> BTreeMap<String, String> {
+        let digest = |bytes: &[u8]| {
+            let mut hasher = DefaultHasher::new();
+            hasher.write(bytes);
+            format!("{:016x}", hasher.finish())
+        };
+        let image = &self.firmware.image;
+        let eeprom = self.firmware.eeprom.as_ref();
+        let eeprom = eeprom.map_or_else(|| "none".to_owned(), |given| digest(&given.bytes));
+        BTreeMap::from([
+            ("--scenario".to_owned(), print_scenario(&self.scenario)),
+            ("--seed".to_owned(), self.seed.to_string()),
+            ("--seconds".to_owned(), self.seconds.to_string()),
+            ("--firmware".to_owned(), digest(&image.flash)),
+            ("--eeprom".to_owned(), eeprom),
+        ])
+    }
+
+    /// The emulated participant runs what this one judges.
+    ///
+    /// # Errors
+    /// It was asked for something else.
+    pub(crate) fn check_request(&self, theirs: &BTreeMap<String, String>) -> Result<(), Failure> {
+        for (option, ours) in self.request() {
+            let theirs = theirs.get(&option).map_or("", String::as_str);
+            if ours == theirs {
+                continue;
+            }
+            let mut lines = theirs.lines().zip(ours.lines());
+            let (theirs, ours) = lines.find(|(a, b)| a != b).unwrap_or((theirs, &ours));
+            return Err(Failure::input(format!(
+                "{option}: 'emulate' and 'diff' were asked for different runs: emulate {theirs}, diff \
+                 {ours}; give both the same options"
+            )));
+        }
+        Ok(())
+    }
+
     /// Says what the user should know before a long wait: gaps of a recording, and how long it takes.
     pub(crate) fn announce(&self, output: Output) -> Result<(), Failure> {
         let mut seconds = self.seconds;

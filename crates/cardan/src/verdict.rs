@@ -3,17 +3,16 @@
 use std::path::PathBuf;
 use std::process::ExitCode;
 
-use cardan_bench::App;
 use cardan_compare::table;
-use cardan_compare::{Comparison, Verdict, compare, html};
+use cardan_compare::{Plots, Verdict, html};
 use clap::Args;
 
 use crate::ci::CiOptions;
-use crate::dump::{self, DumpOptions};
+use crate::dump::DumpOptions;
 use crate::failure::{Done, code};
 use crate::files::{Plan, write_into};
+use crate::judge::Outcome;
 use crate::output::Output;
-use crate::participants::diff::Collected;
 use crate::run_options::RunOptions;
 
 /// What else is written.
@@ -39,31 +38,31 @@ impl Extras {
     }
 }
 
-/// Judges, prints, writes; the exit code is the verdict.
-pub(crate) fn publish(
-    comparison: &Comparison,
-    collected: &Collected,
-    extras: &Extras,
-    dump: Option<(&dump::Plan, &dyn App)>,
-    output: Output,
-) -> Done {
-    let mut report = compare(comparison);
+/// Prints and writes; the exit code is the verdict.
+pub(crate) fn publish(outcome: Outcome, extras: &Extras, output: Output) -> Done {
+    let Outcome {
+        mut report,
+        facts,
+        plots,
+        dump,
+        crash,
+    } = outcome;
     extras.ci.judge(&mut report)?;
     if let Some(folder) = &extras.report {
-        let page = html::page(&report, comparison);
+        let page = html::page(&report, &facts, &plots.unwrap_or_else(Plots::default));
         let path = write_into("--report", folder, html::FILE, page)?;
         output.note(&format!("report: {}", path.display()));
     }
-    if let Some((plan, app)) = dump {
-        plan.write(app, comparison, collected)?;
-        output.note(&format!("dump: {}", plan.file().display()));
+    if let (Some(dump), Some(file)) = (dump, extras.dump.file()) {
+        dump.finish()?;
+        output.note(&format!("dump: {}", file.display()));
     }
     extras.ci.write(&report, output)?;
     if output.is_json() {
         output.document(&report)?;
     }
     output.result(&table::render(&report, output.style()))?;
-    if let Some(crash) = &collected.emulated_summary.crash {
+    if let Some(crash) = &crash {
         output.error(&format!("the emulated program crashed: {crash}"));
         return Ok(ExitCode::from(code::CRASH));
     }

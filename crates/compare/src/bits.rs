@@ -50,41 +50,104 @@ pub struct FrameMismatch {
     pub emulated: Option<String>,
 }
 
-/// The number of unequal or missing partners, and the first.
-fn mismatches<T: PartialEq>(native: &[T], emulated: &[T]) -> (u64, Option<usize>) {
-    let mut different = (0..native.len().max(emulated.len()))
-        .filter(|&index| native.get(index) != emulated.get(index));
-    let first = different.next();
-    (u64::from(first.is_some()) + different.count() as u64, first)
+/// Counts partners that are unequal or missing, window by window.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Partners {
+    native: usize,
+    emulated: usize,
+    mismatches: u64,
 }
 
-impl BitComparison {
-    pub(crate) fn of(native: &[i64], emulated: &[i64], per_solution: usize) -> Self {
-        let (mismatches, first) = mismatches(native, emulated);
-        Self {
-            compared: native.len().min(emulated.len()) as u64,
-            mismatches,
-            first_mismatch: first.map(|sample| BitMismatch {
-                sample,
-                solution: sample / per_solution,
-                native: native.get(sample).copied(),
-                emulated: emulated.get(sample).copied(),
-            }),
+/// Where two streams differ first: the place in the whole streams, and what either has there.
+pub(crate) struct Mismatch<'a, T> {
+    pub(crate) at: usize,
+    pub(crate) native: Option<&'a T>,
+    pub(crate) emulated: Option<&'a T>,
+}
+
+impl Partners {
+    /// Adds a window, in which both streams begin at the same place; the first difference of all, if it is here.
+    pub(crate) fn add<'a, T: PartialEq>(
+        &mut self,
+        native: &'a [T],
+        emulated: &'a [T],
+    ) -> Option<Mismatch<'a, T>> {
+        let before = self.mismatches;
+        let offset = self.native.max(self.emulated);
+        let mut first = None;
+        for index in 0..native.len().max(emulated.len()) {
+            let (native, emulated) = (native.get(index), emulated.get(index));
+            if native != emulated {
+                self.mismatches += 1;
+                let at = offset + index;
+                first.get_or_insert(Mismatch {
+                    at,
+                    native,
+                    emulated,
+                });
+            }
+        }
+        self.native += native.len();
+        self.emulated += emulated.len();
+        first.filter(|_| before == 0)
+    }
+
+    fn compared(&self) -> u64 {
+        self.native.min(self.emulated) as u64
+    }
+}
+
+/// Adds up how words of a node compare.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Bits {
+    partners: Partners,
+    first: Option<BitMismatch>,
+}
+
+impl Bits {
+    pub(crate) fn add(&mut self, native: &[i64], emulated: &[i64], per_solution: usize) {
+        if let Some(first) = self.partners.add(native, emulated) {
+            self.first = Some(BitMismatch {
+                sample: first.at,
+                solution: first.at / per_solution,
+                native: first.native.copied(),
+                emulated: first.emulated.copied(),
+            });
+        }
+    }
+
+    pub(crate) fn found(&self) -> BitComparison {
+        BitComparison {
+            compared: self.partners.compared(),
+            mismatches: self.partners.mismatches,
+            first_mismatch: self.first.clone(),
         }
     }
 }
 
-impl FrameComparison {
-    pub(crate) fn of(native: &[Vec<u8>], emulated: &[Vec<u8>]) -> Self {
-        let (mismatches, first) = mismatches(native, emulated);
-        Self {
-            compared: native.len().min(emulated.len()) as u64,
-            mismatches,
-            first_mismatch: first.map(|frame| FrameMismatch {
-                frame,
-                native: native.get(frame).map(|bytes| hex(bytes)),
-                emulated: emulated.get(frame).map(|bytes| hex(bytes)),
-            }),
+/// Adds up how frames compare.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct FrameBytes {
+    partners: Partners,
+    first: Option<FrameMismatch>,
+}
+
+impl FrameBytes {
+    pub(crate) fn add(&mut self, native: &[Vec<u8>], emulated: &[Vec<u8>]) {
+        if let Some(first) = self.partners.add(native, emulated) {
+            self.first = Some(FrameMismatch {
+                frame: first.at,
+                native: first.native.map(|bytes| hex(bytes)),
+                emulated: first.emulated.map(|bytes| hex(bytes)),
+            });
+        }
+    }
+
+    pub(crate) fn found(&self) -> FrameComparison {
+        FrameComparison {
+            compared: self.partners.compared(),
+            mismatches: self.partners.mismatches,
+            first_mismatch: self.first.clone(),
         }
     }
 }

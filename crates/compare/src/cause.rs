@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use crate::input::{Comparison, Node};
+use crate::input::{Comparison, Node, OnOverflow};
 use crate::nodes::NodeReport;
 use crate::reason::Reason;
 
@@ -52,6 +52,19 @@ pub(crate) fn in_order(
     let mut all = sorted(nodes, values, &ancestors);
     all.extend(sorted(nodes, bits, &ancestors));
     all
+}
+
+/// Nodes of which neither they nor anything that they are made of left its range in the run: rounding alone
+/// explains what they are, in every solution.
+pub(crate) fn within_range(nodes: &[Node]) -> Vec<bool> {
+    let ancestors = Ancestors::of(nodes);
+    let leaves = |node: &Node| node.overflows > 0 && node.on_overflow() != OnOverflow::Turns;
+    let leaving: Vec<usize> = (0..nodes.len()).filter(|&at| leaves(&nodes[at])).collect();
+    let is_within = |at: usize| {
+        let follows = |&other: &usize| other == at || ancestors.has(at, other);
+        !leaving.iter().any(follows)
+    };
+    (0..nodes.len()).map(is_within).collect()
 }
 
 /// Where nothing else says so: a node that saturates, and is not judged, in a run that fails.
@@ -100,7 +113,7 @@ pub(crate) fn put_stale_first(comparison: &Comparison, reasons: &mut Vec<Reason>
 fn is_of_bits(reason: &Reason) -> bool {
     match reason {
         Reason::BitsDiffer { .. } => true,
-        Reason::LengthsDiffer { names, .. } => names.contains(&"emulated"),
+        Reason::LengthsDiffer { names, .. } => names.iter().any(|name| name == "emulated"),
         _ => false,
     }
 }
@@ -124,10 +137,10 @@ fn is_late(reason: &Reason) -> bool {
             | Reason::StatusDiffers { .. }
             | Reason::StatusDoubtful { .. }
             | Reason::TooManyFlagged { .. }
-            | Reason::CompiledDiffers(_)
+            | Reason::CompiledDiffers { .. }
             | Reason::TruthMissed { .. }
-            | Reason::NoTruth
-            | Reason::BudgetOpen(_)
+            | Reason::NoTruth { .. }
+            | Reason::BudgetOpen { .. }
     )
 }
 

@@ -1,22 +1,25 @@
 //! What a comparison is made of: plain data that the caller collects from the participants.
 
-use cardan_golden::Angles;
 use cardan_outputs::{Check, Message, Outputs, Status};
 use serde::Serialize;
 
 pub use crate::overflow::{Format, OnOverflow};
+use crate::series::Chain;
 
-/// Everything one run leaves behind.
+/// Everything one run leaves behind, or a window of it: whatever is a list per solution, or per value, then holds
+/// that of the window's solutions.
 #[derive(Clone, Debug, Default)]
 pub struct Comparison {
     /// What was run.
     pub run: Run,
+    /// What the run must have; `None` judges what there is.
+    pub required: Option<Required>,
     /// The nodes in signal order, shared ones and those of the implementation alone.
     pub nodes: Vec<Node>,
     /// Frames on the serial line.
     pub frames: Frames,
-    /// Native's status word per solution ([`cardan_spec::flags`]).
-    pub flags: Vec<u16>,
+    /// Native's status word per solution.
+    pub flags: Vec<u32>,
     /// What the product sends.
     pub outputs: Outputs,
     /// Its messages, decoded by the golden side.
@@ -25,14 +28,16 @@ pub struct Comparison {
     pub status: Vec<Status>,
     /// Figures of stages that no other comparison sees, each with its limits.
     pub checks: Vec<Check>,
-    /// Largest rms rotation that parts of the error budget may bring, in degrees, by their names.
+    /// Largest root mean square that parts of the error budget may have, in the group's unit, by their names.
     pub stage_limits: Vec<(String, Limit)>,
     /// What formats were tuned to; none for formats chosen by hand.
     pub tuned: Option<TunedTo>,
     /// Largest share of solutions with status bits.
     pub most_flagged: Option<Limit>,
-    /// The same attitude as each stage of the chain leaves it.
-    pub attitudes: Attitudes,
+    /// What each stage of the chain makes of the same solutions.
+    pub chain: Chain,
+    /// Limits of single outputs.
+    pub output_limits: Vec<OutputLimit>,
     /// Limits on the error against truth, if the scenario sets any.
     pub truth_tolerance: Option<TruthTolerance>,
     /// By which factor the scenario's limits are wider than stated, since the run is shorter; at least 1.
@@ -48,6 +53,14 @@ pub struct Comparison {
     pub assumed: Vec<Assumed>,
     /// How to run it again.
     pub reproduce: Reproduce,
+}
+
+/// What a run must have. Then every stream that its nodes, outputs and stages have must be there to its end,
+/// also where it is empty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Required {
+    /// Solutions.
+    pub solutions: u64,
 }
 
 /// Names and sizes of a run.
@@ -148,12 +161,12 @@ pub struct TunedTo {
 pub struct TunedError {
     /// As written.
     pub text: String,
-    /// `yaw`, `pitch`, `roll`, or `attitude` for the whole rotation.
+    /// A member of the group, or the group's key for all of it.
     pub subject: String,
     /// `rms`, `p99` or `max`.
     pub statistic: String,
-    /// In degrees.
-    pub most_deg: f64,
+    /// In the group's unit.
+    pub most: f64,
 }
 
 /// Messages on the line, in order, or why they could not be read.
@@ -163,6 +176,41 @@ pub struct Messages {
     pub native: Vec<Result<Message, String>>,
     /// Of the emulated one.
     pub emulated: Vec<Result<Message, String>>,
+}
+
+/// What an output is held against.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reference {
+    /// The golden model on the same inputs.
+    Golden,
+    /// The truth.
+    Truth,
+}
+
+impl Reference {
+    /// Its name in messages.
+    #[must_use]
+    pub const fn name(self) -> &'static str {
+        match self {
+            Self::Golden => "golden",
+            Self::Truth => "truth",
+        }
+    }
+}
+
+/// An upper limit of an output's error, in the output's unit.
+#[derive(Clone, Debug, PartialEq)]
+pub struct OutputLimit {
+    /// The output.
+    pub output: String,
+    /// What it is held against.
+    pub against: Reference,
+    /// `rms`, `p99`, `max` or `bias` (of either sign).
+    pub statistic: String,
+    /// Largest permitted value.
+    pub most: f64,
+    /// Why.
+    pub reason: String,
 }
 
 /// An upper limit.
@@ -196,15 +244,15 @@ pub struct Tolerance {
     pub reason: String,
 }
 
-/// Limits on the total attitude error against truth over solutions without flags, in degrees.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+/// Limits on the error of the whole group against truth over solutions without flags, in the group's unit.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct TruthTolerance {
     /// On the root mean square.
-    pub rms_deg: Option<f64>,
+    pub rms: Option<f64>,
     /// On the 99th percentile.
-    pub p99_deg: Option<f64>,
+    pub p99: Option<f64>,
     /// On the largest error.
-    pub max_deg: Option<f64>,
+    pub max: Option<f64>,
 }
 
 /// Frames as bytes on the line, in order.
@@ -214,83 +262,6 @@ pub struct Frames {
     pub native: Vec<Vec<u8>>,
     /// What the emulated serial port sent.
     pub emulated: Vec<Vec<u8>>,
-}
-
-/// One attitude per solution, as set 1's angles; empty when the run has no such series.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Series(pub Vec<Option<Angles>>);
-
-impl Series {
-    /// True when the run has no such series.
-    #[must_use]
-    pub fn is_absent(&self) -> bool {
-        self.0.is_empty()
-    }
-
-    /// The attitude of a solution, where it is known.
-    #[must_use]
-    pub fn at(&self, solution: usize) -> Option<Angles> {
-        self.0.get(solution).copied().flatten()
-    }
-}
-
-impl FromIterator<Angles> for Series {
-    fn from_iter<I: IntoIterator<Item = Angles>>(angles: I) -> Self {
-        Self(angles.into_iter().map(Some).collect())
-    }
-}
-
-impl FromIterator<Option<Angles>> for Series {
-    fn from_iter<I: IntoIterator<Item = Option<Angles>>>(angles: I) -> Self {
-        Self(angles.into_iter().collect())
-    }
-}
-
-/// The attitude at each stage of the chain. Each part of the error budget is the step from one
-/// series to the next.
-#[derive(Clone, Debug, Default)]
-pub struct Attitudes {
-    /// The true attitude at the device's declared output instant.
-    pub truth: Series,
-    /// Golden on the readings that ideal memoryless sensors would give at the true sampling
-    /// instants, shifted by the nominal delay.
-    pub direct: Series,
-    /// The same of the true specific force and field, with acceleration and disturbances.
-    pub experienced: Series,
-    /// Golden on the ideal voltages at the converter's hold instants.
-    pub ideal: Series,
-    /// Golden on the codes.
-    pub codes: Series,
-    /// The algorithm in f64 on the codes.
-    pub real: Series,
-    /// The native participant.
-    pub deployed: Series,
-    /// The emulated participant, from its nodes or its frames.
-    pub emulated: Series,
-    /// Between `real` and `deployed`: each step adds the rounding of one more node, in signal order.
-    /// May be empty.
-    pub rounding_steps: Vec<RoundingStep>,
-}
-
-impl Attitudes {
-    /// What the device says: the emulated attitude, or native's where there is none.
-    #[must_use]
-    pub fn device(&self) -> &Series {
-        if self.emulated.is_absent() {
-            &self.deployed
-        } else {
-            &self.emulated
-        }
-    }
-}
-
-/// The attitude with the rounding of this node and of all steps before it.
-#[derive(Clone, Debug, Default)]
-pub struct RoundingStep {
-    /// The node whose rounding this step adds.
-    pub node: String,
-    /// The attitudes.
-    pub attitudes: Series,
 }
 
 /// Counters of the emulator.

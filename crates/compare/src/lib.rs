@@ -13,8 +13,9 @@
 //!   `flags`) is compared bit by bit but has no status flags and so is not judged against golden;
 //!   the report counts it as `unfinished`.
 //! * `flags` are the native participant's, one word per solution. They decide what is judged.
-//! * Attitude series have one entry per solution, `None` where it is unknown; an empty series is one
-//!   that does not exist in this run (no reference, an image without taps).
+//! * The values of a stage have one entry per solution, not numbers where it is unknown; an empty series is
+//!   one that does not exist in this run (no reference, an image without taps).
+//! * A run that is too long for the memory goes through [`Judge`] in windows of whole solutions.
 //!
 //! ```
 //! use cardan_compare::{Comparison, Node, Tolerance, compare};
@@ -37,35 +38,42 @@
 //! assert_eq!(report.reasons.len(), 1);
 //! ```
 
-mod attitude;
 mod bits;
-mod budget;
 mod cause;
+mod chain;
 pub mod html;
 mod input;
+mod judge;
 mod limit;
 mod messages;
 mod metrics;
 mod nodes;
 mod overflow;
+mod plots;
 mod reason;
 mod report;
+mod series;
+mod spread;
 pub mod table;
 mod verdict;
+mod window;
 
 pub use cardan_page::format;
 
-pub use attitude::{AttitudeErrors, Spread};
 pub use bits::{BitComparison, BitMismatch, FrameComparison, FrameMismatch};
-pub use budget::{AngleSpread, BudgetDetail, ErrorBudget, PartDetail, RoundingShare};
+pub use chain::{BudgetDetail, ErrorBudget, GroupErrors, PartDetail, RoundingShare};
 pub use input::{
-    Assumed, Attitudes, Comparison, EmulatorStatistics, Expectation, Format, Frames, Limit,
-    LinkStatistics, Messages, NOT_JUDGED, Node, NodeInput, OnOverflow, Reproduce, RoundingStep,
-    Run, Series, Tolerance, TruthTolerance, TunedError, TunedTo,
+    Assumed, Comparison, EmulatorStatistics, Expectation, Format, Frames, Limit, LinkStatistics,
+    Messages, NOT_JUDGED, Node, NodeInput, OnOverflow, OutputLimit, Reference, Reproduce, Required,
+    Run, Tolerance, TruthTolerance, TunedError, TunedTo,
 };
+pub use judge::{Judge, Planned, compare, compare_with_plots};
 pub use messages::{FlagCount, OutputReport, Statistics};
 pub use metrics::{Difference, Normalised, Violation};
 pub use nodes::{NodeReport, NodeStatus, Occurrence};
+pub use plots::Plots;
 pub use reason::Reason;
-pub use report::{Limits, Report, compare};
+pub use report::{Limits, Report};
+pub use series::{Chain, RoundingStep, Series, StageValues};
+pub use spread::Spread;
 pub use verdict::Verdict;

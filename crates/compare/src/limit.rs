@@ -18,18 +18,24 @@ pub(crate) fn most_deviations(count: usize) -> f64 {
 /// Few values: still what a normal value exceeds in 6 of 100,000 cases.
 const LEAST_DEVIATIONS: f64 = 4.0;
 
-/// Most root mean square of the differences over their deviations. 1 is expected; where a signal
-/// hardly moves, a few rounding errors repeat themselves instead of spreading, and a uniform error's
-/// largest value is 1.73 deviations.
-pub(crate) fn most_rms(count: usize) -> f64 {
-    1.5 + 1.0 / (count.max(1) as f64).sqrt()
+/// Most root mean square of the differences over their deviations, over so many solutions. 1 is expected; where
+/// a signal hardly moves, a few rounding errors repeat themselves instead of spreading, and a uniform error's
+/// largest value is 1.73 deviations. Values of one solution are correlated, so solutions count.
+pub(crate) fn most_rms(solutions: usize) -> f64 {
+    1.5 + 2.0 / (solutions.max(1) as f64).sqrt()
 }
 
 /// Most mean of the differences over their deviations. Rounding errors of a signal that moves
 /// average out; those of settings are known and taken off; what remains are signals at rest.
-pub(crate) fn most_bias(count: usize) -> f64 {
-    1.0 + 3.0 / (count.max(1) as f64).sqrt()
+pub(crate) fn most_bias(solutions: usize) -> f64 {
+    1.0 + 3.0 / (solutions.max(1) as f64).sqrt()
 }
+
+/// Least root mean square of the differences of all nodes over their deviations, over at least
+/// [`LEAST_VALUES`]: expected deviations that are far larger than the differences judge nothing.
+pub(crate) const LEAST_RMS: f64 = 0.4;
+/// See [`LEAST_RMS`].
+pub(crate) const LEAST_VALUES: u64 = 1000;
 
 /// The part of a difference that the allowance does not cover.
 pub(crate) fn beyond_allowance(difference: f64, allowance: f64) -> f64 {

@@ -1,6 +1,5 @@
 //! How far one stream of values lies from another.
 
-use cardan_units::HalfTurns;
 use serde::Serialize;
 
 use crate::input::Expectation;
@@ -8,6 +7,9 @@ use crate::limit::beyond_allowance;
 
 /// The unit whose differences are wrapped.
 pub(crate) const WRAPPING_UNIT: &str = "half_turn";
+
+/// A turn in that unit.
+const TURN: f64 = 2.0;
 
 /// Statistics of the differences native - reference. Undefined figures are `None` (JSON null).
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
@@ -112,8 +114,8 @@ pub(crate) struct Rule {
 /// native - reference; an angle's the short way round.
 pub(crate) fn difference(native: f64, reference: f64, wrap: bool) -> f64 {
     let plain = native - reference;
-    if wrap && plain.abs() >= 1.0 {
-        HalfTurns(plain).wrapped().0
+    if wrap && plain.is_finite() && plain.abs() >= 1.0 {
+        plain - TURN * (plain / TURN).round()
     } else {
         plain
     }
@@ -133,37 +135,63 @@ pub(crate) fn larger(left: f64, right: f64) -> f64 {
     }
 }
 
-impl Difference {
-    /// Over all `pairs`. A value that is not a number is worse than any limit.
-    pub(crate) fn of(pairs: impl Iterator<Item = Pair>, rule: Rule) -> Self {
-        let (mut samples, mut max_abs) = (0u64, 0f64);
-        let (mut sum, mut square, mut power) = (0f64, 0f64, 0f64);
-        let mut first_violation = None;
-        let mut judged = Judged::default();
-        for pair in pairs {
-            let difference = difference(pair.native, pair.reference, rule.wrap);
-            samples += 1;
-            max_abs = larger(max_abs, difference.abs());
-            sum += difference;
-            square += difference * difference;
-            power += pair.reference * pair.reference;
-            let is_beyond = judged.add(difference, pair.expectation, rule);
-            if is_beyond && first_violation.is_none() {
-                first_violation = Some(violation(pair, rule));
-            }
-        }
-        if samples == 0 {
-            return Self::default();
-        }
-        let count = samples as f64;
+/// Adds pairs up, one after another.
+#[derive(Debug)]
+pub(crate) struct Differences {
+    rule: Rule,
+    samples: u64,
+    max_abs: f64,
+    sum: f64,
+    square: f64,
+    power: f64,
+    first_violation: Option<Violation>,
+    judged: Judged,
+}
+
+impl Differences {
+    pub(crate) fn new(rule: Rule) -> Self {
         Self {
+            rule,
+            samples: 0,
+            max_abs: 0.0,
+            sum: 0.0,
+            square: 0.0,
+            power: 0.0,
+            first_violation: None,
+            judged: Judged::default(),
+        }
+    }
+
+    /// Adds a pair and gives the difference. One that is not a number is worse than any limit.
+    pub(crate) fn add(&mut self, pair: Pair) -> f64 {
+        let difference = difference(pair.native, pair.reference, self.rule.wrap);
+        self.samples += 1;
+        self.max_abs = larger(self.max_abs, difference.abs());
+        self.sum += difference;
+        self.square += difference * difference;
+        self.power += pair.reference * pair.reference;
+        let is_beyond = self.judged.add(difference, pair.expectation, self.rule);
+        if is_beyond && self.first_violation.is_none() {
+            self.first_violation = Some(violation(pair, self.rule));
+        }
+        difference
+    }
+
+    pub(crate) fn found(&self) -> Difference {
+        if self.samples == 0 {
+            return Difference::default();
+        }
+        let (rule, judged) = (self.rule, &self.judged);
+        let count = self.samples as f64;
+        let (square, power, max_abs) = (self.square, self.power, self.max_abs);
+        Difference {
             max_abs: Some(max_abs),
             rms: Some((square / count).sqrt()),
-            bias: Some(sum / count),
+            bias: Some(self.sum / count),
             sqnr_db: (square > 0.0 && power > 0.0).then(|| 10.0 * libm::log10(power / square)),
             max_lsb: (rule.lsb > 0.0).then(|| max_abs / rule.lsb),
-            first_violation,
-            samples,
+            first_violation: self.first_violation.clone(),
+            samples: self.samples,
             used: judged.used,
             limit: judged.used.map(|used| match rule.limit {
                 Limits::Expected { .. } if used > 0.0 => max_abs / used,
@@ -178,7 +206,7 @@ impl Difference {
 }
 
 /// What is judged while values pass.
-#[derive(Default)]
+#[derive(Debug, Default)]
 struct Judged {
     /// Largest share of its limit that any value takes.
     used: Option<f64>,

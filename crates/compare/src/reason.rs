@@ -1,5 +1,6 @@
 //! Why a run fails: every reason with its place.
 
+use std::borrow::Cow;
 use std::fmt;
 
 use cardan_outputs::Check;
@@ -137,15 +138,44 @@ pub enum Reason {
     /// A stage's own check is beyond its limits.
     CheckMissed(Check),
     /// Compiled code and native model give different results.
-    CompiledDiffers(f64),
+    CompiledDiffers {
+        /// By how much, rms.
+        by: f64,
+        /// Its unit, in words.
+        unit: String,
+    },
     /// Streams that belong together have different lengths.
     LengthsDiffer {
         /// What they are streams of.
         what: String,
         /// Whose they are.
-        names: [&'static str; 2],
+        names: [Cow<'static, str>; 2],
         /// How long they are.
         lengths: [usize; 2],
+    },
+    /// The device gave fewer solutions than the run has.
+    TooFewSolutions {
+        /// Those that it sent.
+        found: u64,
+        /// Those that the run has.
+        planned: u64,
+    },
+    /// The truth is known in too few of the solutions that are judged by it.
+    TruthSparse {
+        /// The group's key.
+        of: String,
+        /// Solutions with a truth.
+        known: u64,
+        /// Solutions without status flags.
+        unflagged: u64,
+    },
+    /// The differences of all nodes together are far smaller than what is expected of them: the limits that
+    /// follow from it mean nothing.
+    LimitsTooWide {
+        /// Root mean square of the differences over their expected deviations.
+        rms: f64,
+        /// Least that is expected.
+        least: f64,
     },
     /// Messages were lost on the link.
     MessagesLost(u64),
@@ -164,17 +194,29 @@ pub enum Reason {
     },
     /// The error against truth is beyond the scenario's limit.
     TruthMissed {
+        /// The group's key.
+        of: String,
+        /// Its unit, in words.
+        unit: String,
         /// `rms`, `p99` or `max`.
         statistic: &'static str,
-        /// The error in degrees.
-        value_deg: f64,
-        /// The limit in degrees.
-        limit_deg: f64,
+        /// The error.
+        value: f64,
+        /// The limit.
+        limit: f64,
     },
     /// The scenario limits the error against truth, but no solution without flags has a truth.
-    NoTruth,
-    /// The parts of the error budget do not add up, by this many degrees.
-    BudgetOpen(f64),
+    NoTruth {
+        /// The group's key.
+        of: String,
+    },
+    /// The parts of the error budget do not add up.
+    BudgetOpen {
+        /// By how much.
+        by: f64,
+        /// Its unit, in words.
+        unit: String,
+    },
 }
 
 impl fmt::Display for Reason {
@@ -342,9 +384,9 @@ impl fmt::Display for Reason {
                 number(check.most),
                 check.reason,
             ),
-            Self::CompiledDiffers(by) => write!(
+            Self::CompiledDiffers { by, unit } => write!(
                 f,
-                "error budget: compiled code differs from native by {} degrees rms, expected 0",
+                "error budget: compiled code differs from native by {} {unit} rms, expected 0",
                 number(*by)
             ),
             Self::LengthsDiffer {
@@ -354,6 +396,26 @@ impl fmt::Display for Reason {
             } => write!(
                 f,
                 "{what}: lengths differ, {left} {left_length}, {right} {right_length}"
+            ),
+            Self::TooFewSolutions { found, planned } => write!(
+                f,
+                "device: gave {found} of the run's {planned} solutions: it stopped, or was too slow"
+            ),
+            Self::TruthSparse {
+                of,
+                known,
+                unflagged,
+            } => write!(
+                f,
+                "{of}: tolerance.truth is set, but the truth is known in {known} of {unflagged} solutions \
+                 without status flags only"
+            ),
+            Self::LimitsTooWide { rms, least } => write!(
+                f,
+                "nodes: the differences of all nodes are {} of the deviations that rounding explains, \
+                 expected at least {}: limits so wide judge nothing",
+                number(*rms),
+                number(*least),
             ),
             Self::MessagesLost(count) => write!(f, "link: {} lost", counted(*count, "message")),
             Self::LateConversions(count) => {
@@ -373,22 +435,24 @@ impl fmt::Display for Reason {
                 write!(f, "timing: {} missed", counted(*count, "deadline"))
             }
             Self::TruthMissed {
+                of,
+                unit,
                 statistic,
-                value_deg,
-                limit_deg,
+                value,
+                limit,
             } => write!(
                 f,
-                "attitude: {statistic} error against truth is {} degrees, limit {}",
-                number(*value_deg),
-                number(*limit_deg),
+                "{of}: {statistic} error against truth is {} {unit}, limit {}",
+                number(*value),
+                number(*limit),
             ),
-            Self::NoTruth => write!(
+            Self::NoTruth { of } => write!(
                 f,
-                "attitude: tolerance.truth is set, but no solution without status flags has a truth"
+                "{of}: tolerance.truth is set, but no solution without status flags has a truth"
             ),
-            Self::BudgetOpen(by) => write!(
+            Self::BudgetOpen { by, unit } => write!(
                 f,
-                "error budget: the parts miss the whole error by {} degrees",
+                "error budget: the parts miss the whole error by {} {unit}",
                 number(*by)
             ),
         }

@@ -1,24 +1,27 @@
 //! The report: the document of `compare --json`, from which the other forms are made.
 
-use cardan_outputs::{Check, StatusBit};
+use cardan_outputs::{Check, Group};
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
-use crate::attitude::{AttitudeErrors, errors};
 use crate::bits::FrameComparison;
-use crate::budget::{BudgetDetail, ErrorBudget, budget};
-use crate::cause;
+use crate::chain::{BudgetDetail, ErrorBudget, GroupErrors};
 use crate::input::{
-    Assumed, Comparison, EmulatorStatistics, LinkStatistics, Reproduce, Series, TruthTolerance,
+    Assumed, Comparison, EmulatorStatistics, LinkStatistics, Reproduce, TruthTolerance,
 };
-use crate::messages::{self, FlagCount, OutputReport};
-use crate::nodes::{self, NodeReport};
+use crate::messages::{FlagCount, OutputReport};
+use crate::nodes::NodeReport;
 use crate::reason::Reason;
-use crate::verdict::{Verdict, check_chain, check_frames, check_run};
+use crate::spread::keyed;
+use crate::verdict::Verdict;
+
+/// The key of the reference application's group, which every document has.
+const ALWAYS: &str = "attitude";
 
 /// Everything that a comparison found. Serialised, it is the document of `compare --json`; figures
-/// that are undefined are null.
-#[derive(Clone, Debug, Serialize)]
+/// that are undefined are null. The errors of the group stand under its key: `attitude`, `attitude_flagged`
+/// and `attitude_vs_golden`, say.
+#[derive(Clone, Debug)]
 pub struct Report {
     /// Pass or fail.
     pub verdict: Verdict,
@@ -36,11 +39,12 @@ pub struct Report {
     pub samples: u64,
     /// The nodes in signal order.
     pub nodes: Vec<NodeReport>,
-    /// The device's attitude against truth, over solutions without status flags.
-    pub attitude: Option<AttitudeErrors>,
+    /// The quantities whose error is followed.
+    pub group: Group,
+    /// The device's values against truth, over solutions without status flags.
+    pub truth: Option<GroupErrors>,
     /// The same over the solutions with each flag that occurred, by its name.
-    #[serde(serialize_with = "as_map")]
-    pub attitude_flagged: Vec<(String, AttitudeErrors)>,
+    pub flagged: Vec<(String, GroupErrors)>,
     /// Size of each part of the error.
     pub error_budget: ErrorBudget,
     /// Counters of the emulator.
@@ -61,9 +65,9 @@ pub struct Report {
     pub checks: Vec<Check>,
     /// Frames, native against emulated.
     pub frames: FrameComparison,
-    /// The device's attitude against golden on the same codes, without status flags.
-    pub attitude_vs_golden: Option<AttitudeErrors>,
-    /// The error budget per angle.
+    /// The device's values against golden on the same inputs, without status flags.
+    pub golden: Option<GroupErrors>,
+    /// The error budget per member.
     pub error_budget_detail: BudgetDetail,
     /// False for an image without taps, which is compared by its frames alone.
     pub taps: bool,
@@ -78,13 +82,12 @@ pub struct Report {
 }
 
 /// Limits of truth, stages and flagged share; null where none is set.
-#[derive(Clone, Debug, Default, Serialize)]
+#[derive(Clone, Debug, Default)]
 pub struct Limits {
-    /// Of the rotation from the truth.
+    /// Of the whole group's error against truth.
     pub truth: Option<TruthTolerance>,
-    /// Of the rms rotation of parts of the error budget, in degrees.
-    #[serde(serialize_with = "as_map")]
-    pub stages_deg: Vec<(String, f64)>,
+    /// Of the rms of parts of the error budget, in the group's unit.
+    pub stages: Vec<(String, f64)>,
     /// Of the share of solutions with status bits.
     pub most_flagged: Option<f64>,
     /// By which factor those of the scenario are wider than it states, since the run is shorter.
@@ -92,11 +95,11 @@ pub struct Limits {
 }
 
 impl Limits {
-    fn of(comparison: &Comparison) -> Self {
+    pub(crate) fn of(comparison: &Comparison) -> Self {
         let stages = comparison.stage_limits.iter();
         Self {
             truth: comparison.truth_tolerance,
-            stages_deg: stages
+            stages: stages
                 .map(|(name, limit)| (name.clone(), limit.most))
                 .collect(),
             most_flagged: comparison.most_flagged.as_ref().map(|limit| limit.most),
@@ -105,121 +108,84 @@ impl Limits {
     }
 }
 
-/// Compares the participants and judges.
-#[must_use]
-pub fn compare(comparison: &Comparison) -> Report {
-    let flags = &comparison.flags;
-    let attitudes = &comparison.attitudes;
-    let unflagged = |solution: usize| flags.get(solution) == Some(&0);
-    let (mut reasons, mut unjudged) = (Vec::new(), Vec::new());
-
-    check_chain(comparison, &mut reasons);
-    let frames = FrameComparison::of(&comparison.frames.native, &comparison.frames.emulated);
-    messages::check_readable(comparison, &frames, &mut reasons);
-    let either = messages::either_status(comparison);
-    let golden_flags = messages::golden_status(comparison);
-    let mut failures = Vec::new();
-    let nodes: Vec<NodeReport> = comparison
-        .nodes
-        .iter()
-        .map(|node| {
-            let mut own = Vec::new();
-            let report = nodes::report(node, &either, &golden_flags, &mut own, &mut unjudged);
-            failures.push(own);
-            report
-        })
-        .collect();
-    reasons.extend(cause::in_order(&comparison.nodes, &nodes, failures));
-    check_frames(&frames, &mut reasons);
-    let outputs = messages::judge(comparison, &mut reasons);
-    let flag_counts = messages::count_flags(comparison, &mut reasons);
-    reasons.append(&mut unjudged);
-    let device = attitudes.device();
-    let attitude = against(device, &attitudes.truth, unflagged);
-    let attitude_vs_golden = against(device, &attitudes.codes, unflagged);
-    let (error_budget, error_budget_detail) = budget(attitudes, &unflagged);
-    check_run(
-        comparison,
-        attitude.as_ref(),
-        attitude_vs_golden.as_ref(),
-        (&error_budget, &error_budget_detail),
-        &mut reasons,
-    );
-
-    cause::add_unjudged_overflows(&comparison.nodes, &nodes, &mut reasons);
-    cause::put_stale_first(comparison, &mut reasons);
-    let run = &comparison.run;
-    Report {
-        verdict: if reasons.is_empty() {
-            Verdict::Pass
-        } else {
-            Verdict::Fail
-        },
-        app: run.app.clone(),
-        scenario: run.scenario.clone(),
-        seed: run.seed,
-        session: run.session.clone(),
-        seconds: run.seconds,
-        samples: run.samples,
-        taps: nodes.iter().any(|node| node.native_vs_emulated.is_some()),
-        nodes,
-        attitude,
-        attitude_flagged: flagged(device, comparison),
-        error_budget,
-        emulator: comparison.emulator.clone(),
-        link: comparison.link.clone(),
-        reasons,
-        solutions: flags.len() as u64,
-        unflagged_solutions: flags.iter().filter(|&&word| word == 0).count() as u64,
-        flags: flag_counts,
-        outputs,
-        checks: comparison.checks.clone(),
-        frames,
-        attitude_vs_golden,
-        error_budget_detail,
-        stale: comparison.stale.clone(),
-        limits: Limits::of(comparison),
-        assumed: comparison.assumed.clone(),
-        reproduce: comparison.reproduce.clone(),
+impl Serialize for Report {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let key = &self.group.key;
+        let is_other = key != ALWAYS;
+        let mut map = serializer.serialize_map(None)?;
+        map.serialize_entry("verdict", &self.verdict)?;
+        map.serialize_entry("app", &self.app)?;
+        map.serialize_entry("scenario", &self.scenario)?;
+        map.serialize_entry("seed", &self.seed)?;
+        map.serialize_entry("session", &self.session)?;
+        map.serialize_entry("seconds", &self.seconds)?;
+        map.serialize_entry("samples", &self.samples)?;
+        map.serialize_entry("nodes", &self.nodes)?;
+        if is_other {
+            map.serialize_entry(ALWAYS, &None::<()>)?;
+        }
+        // The outputs of a product have a key of their own, by which they stand below.
+        if key != "outputs" {
+            map.serialize_entry(key, &self.truth)?;
+            map.serialize_entry(&format!("{key}_flagged"), &Map(&self.flagged))?;
+        }
+        map.serialize_entry("error_budget", &self.error_budget)?;
+        map.serialize_entry("emulator", &self.emulator)?;
+        map.serialize_entry("link", &self.link)?;
+        map.serialize_entry("reasons", &self.reasons)?;
+        map.serialize_entry("solutions", &self.solutions)?;
+        map.serialize_entry("unflagged_solutions", &self.unflagged_solutions)?;
+        map.serialize_entry("flags", &self.flags)?;
+        map.serialize_entry("outputs", &self.outputs)?;
+        map.serialize_entry("checks", &self.checks)?;
+        map.serialize_entry("frames", &self.frames)?;
+        if key != "outputs" {
+            map.serialize_entry(&format!("{key}_vs_golden"), &self.golden)?;
+        }
+        map.serialize_entry("error_budget_detail", &self.error_budget_detail)?;
+        map.serialize_entry("taps", &self.taps)?;
+        map.serialize_entry("stale", &self.stale)?;
+        map.serialize_entry(
+            "limits",
+            &KeyedLimits(&self.limits, &self.group.unit.suffix),
+        )?;
+        map.serialize_entry("assumed", &self.assumed)?;
+        map.serialize_entry("reproduce", &self.reproduce)?;
+        map.end()
     }
 }
 
-fn against(
-    device: &Series,
-    reference: &Series,
-    counts: impl Fn(usize) -> bool,
-) -> Option<AttitudeErrors> {
-    let known = |series: &Series| series.0.iter().any(Option::is_some);
-    (known(device) && known(reference)).then(|| errors(device, reference, counts))
-}
+/// Limits whose keys carry their unit.
+struct KeyedLimits<'a>(&'a Limits, &'a str);
 
-/// Errors against truth per status bit that occurred, over the solutions that carry it.
-fn flagged(device: &Series, comparison: &Comparison) -> Vec<(String, AttitudeErrors)> {
-    let truth = &comparison.attitudes.truth;
-    let is_set = |bit: &StatusBit, solution: usize| {
-        let word = comparison.flags.get(solution);
-        word.is_some_and(|&word| u32::from(word) & bit.mask != 0)
-    };
-    let occurred = |bit: &&StatusBit| (0..comparison.flags.len()).any(|at| is_set(bit, at));
-    comparison
-        .outputs
-        .status
-        .iter()
-        .filter(occurred)
-        .filter_map(|bit| {
-            let errors = against(device, truth, |solution| is_set(bit, solution))?;
-            Some((bit.name.clone(), errors))
-        })
-        .collect()
-}
-
-fn as_map<T: Serialize, S: Serializer>(
-    entries: &[(String, T)],
-    serializer: S,
-) -> Result<S::Ok, S::Error> {
-    let mut map = serializer.serialize_map(Some(entries.len()))?;
-    for (name, errors) in entries {
-        map.serialize_entry(name, errors)?;
+impl Serialize for KeyedLimits<'_> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let Self(limits, suffix) = self;
+        let truth = limits.truth.map(|truth| {
+            vec![
+                (keyed("rms", suffix), truth.rms),
+                (keyed("p99", suffix), truth.p99),
+                (keyed("max", suffix), truth.max),
+            ]
+        });
+        let mut map = serializer.serialize_map(Some(4))?;
+        map.serialize_entry("truth", &truth.as_deref().map(Map))?;
+        map.serialize_entry(&keyed("stages", suffix), &Map(&limits.stages))?;
+        map.serialize_entry("most_flagged", &limits.most_flagged)?;
+        map.serialize_entry("widening", &limits.widening)?;
+        map.end()
     }
-    map.end()
+}
+
+/// Entries in their order, as an object.
+struct Map<'a, T>(&'a [(String, T)]);
+
+impl<T: Serialize> Serialize for Map<'_, T> {
+    fn serialize<S: Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        let mut map = serializer.serialize_map(Some(self.0.len()))?;
+        for (name, value) in self.0 {
+            map.serialize_entry(name, value)?;
+        }
+        map.end()
+    }
 }

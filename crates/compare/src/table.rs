@@ -1,4 +1,4 @@
-//! The report as text: verdict, nodes, attitude, error budget.
+//! The report as text: verdict, nodes, errors of the group, error budget.
 //!
 //! Where the terminal is narrow, columns that matter less are left out, a line says which, and sentences
 //! are wrapped.
@@ -6,11 +6,12 @@
 use cardan_page::text::{Tone, column, grid, heading, prose};
 use cardan_page::unit::reading;
 
-use crate::attitude::{AttitudeErrors, Spread};
+use crate::chain::GroupErrors;
 use crate::format::{count, number, optional, percent};
 use crate::input::{NOT_JUDGED, OnOverflow};
 use crate::nodes::{NodeReport, NodeStatus};
 use crate::report::Report;
+use crate::spread::Spread;
 use crate::verdict::Verdict;
 
 pub use cardan_page::text::Style;
@@ -21,7 +22,7 @@ pub fn render(report: &Report, style: Style) -> String {
     let style = style.legible();
     let mut out = String::new();
     nodes(&mut out, report, style);
-    attitude(&mut out, report, style);
+    group(&mut out, report, style);
     budget(&mut out, report, style);
     machine(&mut out, report, style);
     verdict(&mut out, report, style);
@@ -149,56 +150,90 @@ fn overflows(out: &mut String, report: &Report, style: Style) {
     prose(out, "overflows: ", 2, &text, style);
 }
 
-fn attitude(out: &mut String, report: &Report, style: Style) {
+fn group(out: &mut String, report: &Report, style: Style) {
+    let group = &report.group;
+    if group.members.is_empty() {
+        outputs(out, report, style);
+        return;
+    }
     let mut rows = Vec::new();
-    let mut add = |label: &str, errors: &AttitudeErrors| {
-        for (angle, spread) in [
-            ("roll", &errors.roll),
-            ("pitch", &errors.pitch),
-            ("yaw", &errors.yaw),
-            ("total", &errors.total),
-        ] {
-            rows.push(spread_row(label, angle, spread));
-        }
+    let mut add = |label: &str, errors: &GroupErrors| {
+        rows.extend(
+            errors
+                .all()
+                .map(|(name, spread)| spread_row(label, name, spread)),
+        );
     };
-    if let Some(errors) = &report.attitude {
+    if let Some(errors) = &report.truth {
         add("truth", errors);
     }
-    if let Some(errors) = &report.attitude_vs_golden {
+    if let Some(errors) = &report.golden {
         add("golden", errors);
     }
-    for (flag, errors) in &report.attitude_flagged {
-        rows.push(spread_row(
-            &format!("truth, {flag}"),
-            "total",
-            &errors.total,
-        ));
+    for (flag, errors) in &report.flagged {
+        if let (Some(whole), Some(name)) = (errors.whole(), group.whole()) {
+            rows.push(spread_row(&format!("truth, {flag}"), name, whole));
+        }
     }
     let columns = [
         column("against", false, 0),
-        column("angle", false, 0),
+        column(&group.member, false, 0),
         column("rms", true, 0),
         column("99 %", true, 1),
         column("max", true, 0),
         column("solutions", true, 2),
     ];
-    heading(out, "Attitude error in degrees", style);
+    let title = format!("{} error in {}", group.title, group.unit.words);
+    heading(out, &title, style);
     grid(out, &columns, &rows, None, style);
-    if report.attitude.is_none() {
-        let text = "No reference attitude: nothing to compare with truth.";
-        prose(out, "", 2, text, style);
+    if report.truth.is_none() {
+        let text = format!("No reference {}: nothing to compare with truth.", group.key);
+        prose(out, "", 2, &text, style);
     }
     if let Some(truth) = &report.limits.truth {
-        let limits = [
-            ("rms", truth.rms_deg),
-            ("99 %", truth.p99_deg),
-            ("max", truth.max_deg),
-        ];
+        let limits = [("rms", truth.rms), ("99 %", truth.p99), ("max", truth.max)];
         let limits = limits
             .iter()
             .filter_map(|&(name, limit)| Some((name, limit?)));
-        stated(out, "limits of truth, total", limits, report, style);
+        let of = format!("limits of truth, {}", group.whole().unwrap_or_default());
+        stated(out, &of, limits, report, style);
     }
+    out.push('\n');
+}
+
+/// Outputs of a product of which none is followed along the chain.
+fn outputs(out: &mut String, report: &Report, style: Style) {
+    if report.outputs.is_empty() {
+        return;
+    }
+    let mut rows = Vec::new();
+    for output in &report.outputs {
+        let against = [
+            ("golden", Some(output.against.golden)),
+            ("truth", output.against.truth),
+        ];
+        for (label, found) in against {
+            let Some(found) = found.filter(|found| found.samples > 0) else {
+                continue;
+            };
+            let mut row = vec![output.name.clone(), output.unit.clone(), label.to_owned()];
+            row.extend([found.rms, found.p99, found.max, found.bias].map(optional));
+            row.push(count(found.samples));
+            rows.push(row);
+        }
+    }
+    let columns = [
+        column("output", false, 0),
+        column("unit", false, 0),
+        column("against", false, 0),
+        column("rms", true, 0),
+        column("99 %", true, 1),
+        column("max", true, 0),
+        column("mean", true, 2),
+        column("values", true, 3),
+    ];
+    heading(out, "Outputs", style);
+    grid(out, &columns, &rows, None, style);
     out.push('\n');
 }
 
@@ -238,50 +273,62 @@ fn spread_row(against: &str, angle: &str, spread: &Spread) -> Vec<String> {
     vec![
         against.to_owned(),
         angle.to_owned(),
-        optional(spread.rms_deg),
-        optional(spread.p99_deg),
-        optional(spread.max_deg),
+        optional(spread.rms),
+        optional(spread.p99),
+        optional(spread.max),
         count(spread.samples),
     ]
 }
 
 fn budget(out: &mut String, report: &Report, style: Style) {
-    let detail = &report.error_budget_detail;
-    let columns = [
-        column("part", false, 0),
-        column("rotation", true, 0),
-        column("yaw", true, 1),
-        column("pitch", true, 2),
-        column("roll", true, 2),
-    ];
+    let (detail, group) = (&report.error_budget_detail, &report.group);
+    if detail.parts.is_empty() && group.members.is_empty() {
+        return;
+    }
+    let what = group
+        .combined
+        .as_ref()
+        .map(|combined| combined.what.as_str());
+    let mut columns = vec![column("part", false, 0)];
+    columns.extend(what.map(|what| column(what, true, 0)));
+    for (at, member) in group.members.iter().enumerate() {
+        let rank = if at == 0 { 1 } else { 2 };
+        columns.push(column(&member.name, true, rank));
+    }
+    columns.push(column("share", true, 3));
     let rows: Vec<Vec<String>> = detail
         .parts
         .iter()
         .chain(&detail.whole)
         .map(|part| {
-            vec![
-                part.part.clone(),
-                optional(part.rotation.rms_deg),
-                optional(part.yaw.rms_deg),
-                optional(part.pitch.rms_deg),
-                optional(part.roll.rms_deg),
-            ]
+            let combined = part.combined.iter().chain(&part.members);
+            std::iter::once(part.part.clone())
+                .chain(combined.map(|(_, spread)| optional(spread.rms)))
+                .chain([part.share.map_or_else(dash, percent)])
+                .collect()
         })
         .collect();
-    heading(out, "Error budget, degrees rms", style);
+    heading(
+        out,
+        &format!("Error budget, {} rms", group.unit.words),
+        style,
+    );
     grid(out, &columns, &rows, None, style);
-    if let Some(open) = detail.closure_deg {
+    if let Some(open) = detail.closure {
         let text = format!(
-            "The parts are steps of one chain and add up to the whole by construction (within {} degrees \
-             in each of {} solutions).",
+            "The parts are steps of one chain and add up to the whole by construction (within {} {} \
+             in each of {} solutions); share is each part's of the whole's mean square, negative where it \
+             takes error off.",
             number(open),
+            group.unit.words,
             count(detail.closure_samples)
         );
         prose(out, "", 2, &text, style);
     }
-    let limits = report.limits.stages_deg.iter();
+    let limits = report.limits.stages.iter();
     let limits = limits.map(|(name, limit)| (name.as_str(), *limit));
-    stated(out, "limits of rotation", limits, report, style);
+    let of = format!("limits of {}", what.unwrap_or("parts"));
+    stated(out, &of, limits, report, style);
     out.push('\n');
 }
 

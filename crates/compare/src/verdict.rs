@@ -1,17 +1,20 @@
 //! Pass or fail, and every reason for the latter.
 
-use cardan_outputs::Check;
+use cardan_outputs::{Check, Group, Is};
 use serde::Serialize;
 
-use crate::attitude::AttitudeErrors;
 use crate::bits::FrameComparison;
-use crate::budget::{BudgetDetail, ErrorBudget};
-use crate::input::{Comparison, TruthTolerance};
+use crate::chain::{BudgetDetail, ErrorBudget, GroupErrors};
+use crate::input::{Comparison, Reference, TruthTolerance};
+use crate::messages::OutputReport;
 use crate::metrics::exceeds;
 use crate::reason::Reason;
 
-/// The parts of the budget must add up to the whole error within this, in degrees.
-pub(crate) const CLOSURE_LIMIT_DEG: f64 = 1e-9;
+/// The parts of the budget must add up to the whole error within this, in the group's unit.
+pub(crate) const CLOSURE_LIMIT: f64 = 1e-9;
+
+/// Share of the solutions without status flags in which the truth must be known for it to be judged.
+const LEAST_KNOWN: f64 = 0.1;
 
 /// Whether the firmware does what the models say.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
@@ -56,58 +59,70 @@ pub(crate) fn check_chain(comparison: &Comparison, reasons: &mut Vec<Reason>) {
     reasons.extend(others.into_iter().cloned().map(Reason::CheckMissed));
 }
 
-/// What is wrong with the run as a whole.
+/// What is wrong with the run as a whole; `errors` are those against truth and against golden.
 pub(crate) fn check_run(
     comparison: &Comparison,
-    attitude: Option<&AttitudeErrors>,
-    against_golden: Option<&AttitudeErrors>,
-    budget: (&ErrorBudget, &BudgetDetail),
+    group: &Group,
+    [truth, golden]: [Option<&GroupErrors>; 2],
+    outputs: &[OutputReport],
+    (budget, detail): (&ErrorBudget, &BudgetDetail),
+    unflagged: u64,
     reasons: &mut Vec<Reason>,
 ) {
-    let (budget, detail) = budget;
-    check_series(comparison, reasons);
-    check_stages(comparison, detail, reasons);
-    check_tuned(comparison, against_golden, reasons);
-    if let Some(compiled) = budget.compiled
-        && exceeds(compiled, 0.0)
+    check_stages(comparison, group, detail, reasons);
+    check_tuned(comparison, group, golden, reasons);
+    check_outputs(comparison, outputs, reasons);
+    let unit = group.unit.words.as_ref();
+    let compiled = comparison
+        .chain
+        .stages
+        .iter()
+        .find(|stage| stage.stage.is == Is::Emulated);
+    if let Some(by) = compiled.and_then(|stage| budget.part(&stage.stage.part))
+        && exceeds(by, 0.0)
     {
-        reasons.push(Reason::CompiledDiffers(compiled));
+        let unit = unit.to_owned();
+        reasons.push(Reason::CompiledDiffers { by, unit });
     }
     if let Some(tolerance) = comparison.truth_tolerance {
-        check_truth(tolerance, attitude, reasons);
+        check_truth(tolerance, group, truth, unflagged, reasons);
     }
-    if let Some(open) = detail.closure_deg
-        && exceeds(open, CLOSURE_LIMIT_DEG)
+    if let Some(by) = detail.closure
+        && exceeds(by, CLOSURE_LIMIT)
     {
-        reasons.push(Reason::BudgetOpen(open));
+        let unit = unit.to_owned();
+        reasons.push(Reason::BudgetOpen { by, unit });
     }
 }
 
 /// The budget that the word lengths were tuned to.
 fn check_tuned(
     comparison: &Comparison,
-    against_golden: Option<&AttitudeErrors>,
+    group: &Group,
+    golden: Option<&GroupErrors>,
     reasons: &mut Vec<Reason>,
 ) {
     for error in comparison.tuned.iter().flat_map(|tuned| &tuned.errors) {
-        let spread = against_golden.map(|errors| match error.subject.as_str() {
-            "yaw" => errors.yaw,
-            "pitch" => errors.pitch,
-            "roll" => errors.roll,
-            _ => errors.total,
+        let spread = golden.and_then(|errors| {
+            let is_whole = error.subject == group.key;
+            if is_whole {
+                errors.whole()
+            } else {
+                errors.named(&error.subject)
+            }
         });
         let value = spread.and_then(|spread| match error.statistic.as_str() {
-            "rms" => spread.rms_deg,
-            "p99" => spread.p99_deg,
-            _ => spread.max_deg,
+            "rms" => spread.rms,
+            "p99" => spread.p99,
+            _ => spread.max,
         });
         let check = Check {
             party: "word lengths".to_owned(),
             what: format!("{} of {} against golden", error.statistic, error.subject),
             value: value.unwrap_or(f64::NAN),
             least: 0.0,
-            most: error.most_deg,
-            unit: "degrees".to_owned(),
+            most: error.most,
+            unit: group.unit.words.to_string(),
             reason: format!("tuned to {}", error.text),
         };
         if !check.is_met() {
@@ -116,18 +131,58 @@ fn check_tuned(
     }
 }
 
-/// The rms rotation of each part that has a limit.
-fn check_stages(comparison: &Comparison, detail: &BudgetDetail, reasons: &mut Vec<Reason>) {
-    for (name, limit) in &comparison.stage_limits {
-        let part = detail.parts.iter().find(|part| part.part == *name);
-        let rms_deg = part.and_then(|part| part.rotation.rms_deg);
+/// Limits of single outputs.
+fn check_outputs(comparison: &Comparison, outputs: &[OutputReport], reasons: &mut Vec<Reason>) {
+    for limit in &comparison.output_limits {
+        let found = outputs.iter().find(|output| output.name == limit.output);
+        let against = found.and_then(|output| match limit.against {
+            Reference::Golden => Some(output.against.golden),
+            Reference::Truth => output.against.truth,
+        });
+        let value = against.and_then(|found| match limit.statistic.as_str() {
+            "rms" => found.rms,
+            "p99" => found.p99,
+            "bias" => found.bias.map(f64::abs),
+            _ => found.max,
+        });
         let check = Check {
-            party: format!("error budget, {name}"),
-            what: "root mean square of the rotation".to_owned(),
-            value: rms_deg.unwrap_or(f64::NAN),
+            party: "outputs".to_owned(),
+            what: format!(
+                "{} of {} against {}",
+                limit.statistic,
+                limit.output,
+                limit.against.name()
+            ),
+            value: value.unwrap_or(f64::NAN),
             least: 0.0,
             most: limit.most,
-            unit: "degrees".to_owned(),
+            unit: found.map(|output| output.unit.clone()).unwrap_or_default(),
+            reason: limit.reason.clone(),
+        };
+        if !check.is_met() {
+            reasons.push(Reason::CheckMissed(check));
+        }
+    }
+}
+
+/// The size of each part that has a limit.
+fn check_stages(
+    comparison: &Comparison,
+    group: &Group,
+    detail: &BudgetDetail,
+    reasons: &mut Vec<Reason>,
+) {
+    let what = (group.combined.as_ref()).map_or("error", |combined| combined.what.as_str());
+    for (name, limit) in &comparison.stage_limits {
+        let part = detail.parts.iter().find(|part| part.part == *name);
+        let rms = part.and_then(|part| part.size()?.rms);
+        let check = Check {
+            party: format!("error budget, {name}"),
+            what: format!("root mean square of the {what}"),
+            value: rms.unwrap_or(f64::NAN),
+            least: 0.0,
+            most: limit.most,
+            unit: group.unit.words.to_string(),
             reason: limit.reason.clone(),
         };
         if !check.is_met() {
@@ -146,60 +201,44 @@ pub(crate) fn check_frames(frames: &FrameComparison, reasons: &mut Vec<Reason>) 
     }
 }
 
-/// Every series that exists has one entry per solution.
-fn check_series(comparison: &Comparison, reasons: &mut Vec<Reason>) {
-    let attitudes = &comparison.attitudes;
-    let expected = comparison.flags.len();
-    let mut check = |what: String, name: &'static str, length: usize| {
-        if length != 0 && length != expected {
-            reasons.push(Reason::LengthsDiffer {
-                what,
-                names: ["native's solutions", name],
-                lengths: [expected, length],
-            });
-        }
-    };
-    for (name, series) in [
-        ("truth", &attitudes.truth),
-        ("golden on ideal readings", &attitudes.direct),
-        ("golden on the true experience", &attitudes.experienced),
-        ("golden on ideal voltages", &attitudes.ideal),
-        ("golden on codes", &attitudes.codes),
-        ("real", &attitudes.real),
-        ("native", &attitudes.deployed),
-        ("emulated", &attitudes.emulated),
-    ] {
-        check("attitudes".to_owned(), name, series.0.len());
-    }
-    for step in &attitudes.rounding_steps {
-        let what = format!("attitudes with the rounding of {}", step.node);
-        check(what, "step", step.attitudes.0.len());
-    }
-    check("status flags".to_owned(), "golden", comparison.status.len());
-}
-
 fn check_truth(
     tolerance: TruthTolerance,
-    attitude: Option<&AttitudeErrors>,
+    group: &Group,
+    truth: Option<&GroupErrors>,
+    unflagged: u64,
     reasons: &mut Vec<Reason>,
 ) {
-    let total = attitude.map(|attitude| attitude.total).unwrap_or_default();
-    if total.samples == 0 {
-        reasons.push(Reason::NoTruth);
+    let whole = truth
+        .and_then(GroupErrors::whole)
+        .copied()
+        .unwrap_or_default();
+    if whole.samples == 0 {
+        reasons.push(Reason::NoTruth {
+            of: group.key.clone(),
+        });
         return;
     }
+    if (whole.samples as f64) < LEAST_KNOWN * unflagged as f64 {
+        reasons.push(Reason::TruthSparse {
+            of: group.key.clone(),
+            known: whole.samples,
+            unflagged,
+        });
+    }
     for (statistic, value, limit) in [
-        ("rms", total.rms_deg, tolerance.rms_deg),
-        ("p99", total.p99_deg, tolerance.p99_deg),
-        ("max", total.max_deg, tolerance.max_deg),
+        ("rms", whole.rms, tolerance.rms),
+        ("p99", whole.p99, tolerance.p99),
+        ("max", whole.max, tolerance.max),
     ] {
-        if let (Some(value_deg), Some(limit_deg)) = (value, limit)
-            && exceeds(value_deg, limit_deg)
+        if let (Some(value), Some(limit)) = (value, limit)
+            && exceeds(value, limit)
         {
             reasons.push(Reason::TruthMissed {
+                of: group.key.clone(),
+                unit: group.unit.words.to_string(),
                 statistic,
-                value_deg,
-                limit_deg,
+                value,
+                limit,
             });
         }
     }

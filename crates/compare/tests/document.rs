@@ -1,9 +1,9 @@
 //! The document of `compare --json` and the table for people.
 
+mod support;
+
 use cardan_compare::table::{Style, render};
-use cardan_compare::{
-    Attitudes, Comparison, Format, Frames, Node, Run, Series, Tolerance, compare,
-};
+use cardan_compare::{Chain, Comparison, Format, Frames, Node, Run, Series, Tolerance, compare};
 use cardan_golden::Angles;
 use cardan_outputs::{Outputs, StatusBit};
 use cardan_spec::flags;
@@ -12,13 +12,13 @@ use cardan_units::HalfTurns;
 const SOLUTIONS: usize = 20;
 
 fn series(degrees: f64) -> Series {
-    (0..SOLUTIONS)
-        .map(|at| Angles {
+    support::series_of((0..SOLUTIONS).map(|at| {
+        Some(Angles {
             yaw: HalfTurns::from_degrees(degrees + at as f64),
             pitch: HalfTurns::from_degrees(degrees / 2.0),
             roll: HalfTurns::default(),
         })
-        .collect()
+    }))
 }
 
 fn comparison() -> Comparison {
@@ -59,7 +59,7 @@ fn comparison() -> Comparison {
         ..shared.clone()
     };
     let mut flags = vec![0; SOLUTIONS];
-    flags[3] = flags::HALF_SPACE | flags::YAW_HELD;
+    flags[3] = (flags::HALF_SPACE | flags::YAW_HELD).into();
     let frames = vec![vec![1, 2, 0]; SOLUTIONS];
     Comparison {
         run: Run {
@@ -85,19 +85,13 @@ fn comparison() -> Comparison {
                     mask: mask.into(),
                 })
                 .collect(),
+            group: Some(support::group()),
             ..Outputs::default()
         },
-        attitudes: Attitudes {
-            truth: series(10.0),
-            direct: series(10.1),
-            experienced: series(10.2),
-            ideal: series(10.3),
-            codes: series(10.4),
-            real: series(10.41),
-            deployed: series(10.43),
-            emulated: series(10.43),
-            rounding_steps: Vec::new(),
-        },
+        chain: support::chain(
+            [10.0, 10.1, 10.2, 10.3, 10.4, 10.41, 10.43, 10.43].map(series),
+            Vec::new(),
+        ),
         ..Comparison::default()
     }
 }
@@ -126,6 +120,14 @@ fn keys(json: &str) -> Vec<String> {
 fn begins_with(json: &serde_json::value::RawValue, expected: &[&str]) {
     let keys = keys(json.get());
     assert_eq!(keys[..expected.len().min(keys.len())], *expected);
+}
+
+/// Has these keys, in the order of the product's chain.
+fn holds(json: &serde_json::value::RawValue, expected: &[&str]) {
+    let keys = keys(json.get());
+    for key in expected {
+        assert!(keys.iter().any(|found| found == key), "{key} in {keys:?}");
+    }
 }
 
 type Fields = std::collections::BTreeMap<String, Box<serde_json::value::RawValue>>;
@@ -203,7 +205,7 @@ fn the_document_has_the_keys_of_the_contract_in_its_order() {
         ["half_space", "yaw_held"]
     );
     begins_with(&fields(&flagged["half_space"])["total"], &sizes);
-    begins_with(
+    holds(
         &top["error_budget"],
         &[
             "sensor_frontend",
@@ -235,7 +237,7 @@ fn what_is_undefined_is_null_and_nothing_is_nan() {
     let mut comparison = comparison();
     comparison.nodes[0].golden.as_mut().unwrap()[2] = f64::NAN;
     comparison.emulator.realtime_factor = f64::INFINITY;
-    comparison.attitudes = Attitudes::default();
+    comparison.chain = Chain::new(&support::STAGES, 3);
     let json = serde_json::to_value(compare(&comparison)).unwrap();
     assert_eq!(json["verdict"], "fail");
     assert!(json["nodes"][0]["golden_vs_native"]["max_abs"].is_null());

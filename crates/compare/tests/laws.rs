@@ -1,9 +1,13 @@
 //! Laws: the budget adds up, metrics equal a naive computation, one flipped bit is always found.
 
+mod support;
+
 use cardan_compare::{
-    Attitudes, Comparison, Frames, Node, Reason, RoundingStep, Series, Tolerance, Verdict, compare,
+    Chain, Comparison, Frames, Judge, Node, Planned, Reason, RoundingStep, Series, Tolerance,
+    Verdict, compare,
 };
 use cardan_golden::{Angles, rotation_angle, set_1_matrix};
+use cardan_outputs::Outputs;
 use cardan_units::HalfTurns;
 use proptest::prelude::*;
 
@@ -16,16 +20,18 @@ fn angles() -> impl Strategy<Value = Angles> {
 }
 
 fn series(solutions: usize) -> impl Strategy<Value = Series> {
-    prop::collection::vec(prop::option::weighted(0.9, angles()), solutions).prop_map(Series)
+    prop::collection::vec(prop::option::weighted(0.9, angles()), solutions)
+        .prop_map(support::series_of)
 }
 
 fn full(solutions: usize) -> impl Strategy<Value = Series> {
-    prop::collection::vec(angles(), solutions).prop_map(Series::from_iter)
+    prop::collection::vec(angles(), solutions)
+        .prop_map(|all| support::series_of(all.into_iter().map(Some)))
 }
 
 const SOLUTIONS: usize = 30;
 
-fn attitudes() -> impl Strategy<Value = Attitudes> {
+fn chain() -> impl Strategy<Value = Chain> {
     (
         series(SOLUTIONS),
         series(SOLUTIONS),
@@ -39,32 +45,40 @@ fn attitudes() -> impl Strategy<Value = Attitudes> {
         ],
     )
         .prop_map(
-            |(truth, direct, [experienced, ideal, codes, real, deployed, step])| Attitudes {
-                truth,
-                direct,
-                experienced,
-                ideal,
-                codes,
-                real,
-                emulated: deployed.clone(),
-                deployed,
-                rounding_steps: vec![RoundingStep {
+            |(truth, direct, [experienced, ideal, codes, real, deployed, step])| {
+                let emulated = deployed.clone();
+                let steps = vec![RoundingStep {
                     node: "tilt_x".into(),
-                    attitudes: step,
-                }],
+                    values: step,
+                }];
+                let stages = [
+                    truth,
+                    direct,
+                    experienced,
+                    ideal,
+                    codes,
+                    real,
+                    deployed,
+                    emulated,
+                ];
+                support::chain(stages, steps)
             },
         )
 }
 
-fn flags() -> impl Strategy<Value = Vec<u16>> {
-    prop::collection::vec(prop_oneof![3 => Just(0u16), 1 => 1u16..128], SOLUTIONS)
+fn flags() -> impl Strategy<Value = Vec<u32>> {
+    prop::collection::vec(prop_oneof![3 => Just(0u32), 1 => 1u32..128], SOLUTIONS)
 }
 
-fn with(attitudes: Attitudes, flags: Vec<u16>) -> Comparison {
+fn with(chain: Chain, flags: Vec<u32>) -> Comparison {
     let frames = vec![vec![0u8; 22]; SOLUTIONS];
     Comparison {
-        attitudes,
+        chain,
         flags,
+        outputs: Outputs {
+            group: Some(support::group()),
+            ..Outputs::default()
+        },
         frames: Frames {
             native: frames.clone(),
             emulated: frames,
@@ -80,63 +94,63 @@ fn close(left: f64, right: f64) -> bool {
 proptest! {
     #[test]
     fn the_parts_of_the_budget_add_up_to_the_whole_error(
-        attitudes in attitudes(), flags in flags(),
+        chain in chain(), flags in flags(),
     ) {
         let known = (0..SOLUTIONS)
             .filter(|&at| flags[at] == 0)
-            .filter(|&at| attitudes.truth.at(at).is_some() && attitudes.direct.at(at).is_some())
+            .filter(|&at| chain.stages[..2].iter().all(|stage| stage.values.at(at).is_some()))
             .count();
-        let report = compare(&with(attitudes, flags));
+        let report = compare(&with(chain, flags));
         let detail = &report.error_budget_detail;
         prop_assert_eq!(detail.closure_samples, known as u64);
-        prop_assert!(detail.closure_deg.is_none_or(|open| open < 1e-9));
-        prop_assert_eq!(detail.closure_deg.is_some(), known > 0);
+        prop_assert!(detail.closure.is_none_or(|open| open < 1e-9));
+        prop_assert_eq!(detail.closure.is_some(), known > 0);
         prop_assert_eq!(detail.parts.len(), 7);
+        // Shares add to the whole, however the parts are correlated.
+        let shares: Option<f64> = detail.parts.iter().map(|part| part.share).sum();
+        prop_assert!(known == 0 || shares.is_some_and(|sum| (sum - 1.0).abs() < 1e-9), "{:?}", shares);
         let unflagged = report.unflagged_solutions > 0;
-        prop_assert_eq!(report.error_budget.compiled, unflagged.then_some(0.0));
+        prop_assert_eq!(report.error_budget.part("compiled"), unflagged.then_some(0.0));
         prop_assert_eq!(report.verdict, Verdict::Pass);
     }
 
     #[test]
     fn each_part_is_the_rms_of_the_rotation_between_its_series(
-        attitudes in attitudes(), flags in flags(),
+        chain in chain(), flags in flags(),
     ) {
-        let report = compare(&with(attitudes.clone(), flags.clone()));
+        let report = compare(&with(chain.clone(), flags.clone()));
+        let stage = |at: usize| &chain.stages[at].values;
         let naive = |from: &Series, to: &Series| {
             let squares: Vec<f64> = (0..SOLUTIONS)
                 .filter(|&at| flags[at] == 0)
                 .filter_map(|at| Some((from.at(at)?, to.at(at)?)))
-                .map(|(a, b)| rotation_angle(&set_1_matrix(a), &set_1_matrix(b)).degrees().powi(2))
+                .map(|(a, b)| [a, b].map(|values| set_1_matrix(support::angles(values))))
+                .map(|[a, b]| rotation_angle(&a, &b).degrees().powi(2))
                 .collect();
             (!squares.is_empty())
                 .then(|| (squares.iter().sum::<f64>() / squares.len() as f64).sqrt())
         };
         let budget = report.error_budget;
-        for (part, from, to) in [
-            (budget.latency, &attitudes.truth, &attitudes.direct),
-            (budget.motion, &attitudes.direct, &attitudes.experienced),
-            (budget.sensor_frontend, &attitudes.experienced, &attitudes.ideal),
-            (budget.adc, &attitudes.ideal, &attitudes.codes),
-            (budget.algorithm, &attitudes.codes, &attitudes.real),
-            (budget.rounding, &attitudes.real, &attitudes.deployed),
-        ] {
+        let names = ["latency", "motion", "sensor_frontend", "adc", "algorithm", "rounding"];
+        for (at, name) in names.into_iter().enumerate() {
+            let (part, from, to) = (budget.part(name), stage(at), stage(at + 1));
             let expected = naive(from, to);
             prop_assert_eq!(part.is_some(), expected.is_some());
             prop_assert!(part.zip(expected).is_none_or(|(part, naive)| close(part, naive)));
         }
-        let steps = &attitudes.rounding_steps[0].attitudes;
+        let steps = &chain.steps[0].values;
         let shares = &report.error_budget_detail.rounding_shares;
         prop_assert_eq!(shares.len(), 2);
         for (share, (from, to)) in shares
             .iter()
-            .zip([(&attitudes.real, steps), (steps, &attitudes.deployed)])
+            .zip([(stage(5), steps), (steps, stage(6))])
         {
             let expected = naive(from, to);
-            prop_assert_eq!(share.rms_deg.is_some(), expected.is_some());
-            prop_assert!(share.rms_deg.zip(expected).is_none_or(|(a, b)| close(a, b)));
+            prop_assert_eq!(share.size.rms.is_some(), expected.is_some());
+            prop_assert!(share.size.rms.zip(expected).is_none_or(|(a, b)| close(a, b)));
         }
-        let whole = naive(&attitudes.truth, &attitudes.emulated);
-        let total = report.attitude.and_then(|attitude| attitude.total.rms_deg);
+        let whole = naive(stage(0), stage(7));
+        let total = report.truth.and_then(|errors| errors.whole()?.rms);
         prop_assert_eq!(whole.is_some(), total.is_some());
         prop_assert!(whole.zip(total).is_none_or(|(a, b)| close(a, b)));
     }
@@ -150,7 +164,7 @@ proptest! {
         let native: Vec<i64> = values.iter().map(|(raw, _)| *raw).collect();
         let golden: Vec<f64> = values.iter().map(|(raw, off)| *raw as f64 * lsb + off).collect();
         let solutions = native.len() / per_solution;
-        let flags: Vec<u16> = (0..solutions).map(|at| u16::from(seed >> (at % 64) & 3 == 0)).collect();
+        let flags: Vec<u32> = (0..solutions).map(|at| u32::from(seed >> (at % 64) & 3 == 0)).collect();
         let differences: Vec<(f64, f64)> = (0..native.len())
             .filter(|at| flags.get(at / per_solution) == Some(&0))
             .map(|at| {
@@ -225,7 +239,7 @@ proptest! {
         let frames = vec![vec![1u8]];
         // Even a solution that is not judged against golden must have equal bits.
         let mut flags = vec![0; 10];
-        flags[sample / 4] = u16::from(flagged);
+        flags[sample / 4] = u32::from(flagged);
         let report = compare(&Comparison {
             nodes,
             flags,
@@ -244,5 +258,30 @@ proptest! {
         for (index, node) in report.nodes.iter().enumerate() {
             prop_assert_eq!(node.pass, index != at);
         }
+    }
+    #[test]
+    fn windows_of_any_length_give_the_report_of_the_whole_run(
+        solutions in 1usize..120, lengths in prop::collection::vec(1usize..40, 1..8), broken: bool,
+    ) {
+        let mut comparison = support::comparison(solutions);
+        if broken {
+            let at = solutions / 2;
+            comparison.nodes[15].emulated.as_mut().unwrap()[at] ^= 1 << 3;
+            comparison.nodes[13].golden.as_mut().unwrap()[at] += 0.5;
+            comparison.frames.emulated[at][2] ^= 8;
+        }
+        let either = comparison.flags.iter().zip(&comparison.status).map(|(a, b)| a | b.set);
+        let planned = Planned {
+            solutions,
+            judged: either.filter(|&word| word == 0).count(),
+        };
+        let expected = serde_json::to_string(&compare(&comparison)).unwrap();
+        let mut left = comparison.clone();
+        let mut judge = Judge::new(&left.facts(), planned, false);
+        for length in lengths.into_iter().chain([solutions]) {
+            judge.add(&left.take(length));
+        }
+        let (report, _) = judge.finish(&comparison.facts());
+        prop_assert_eq!(serde_json::to_string(&report).unwrap(), expected);
     }
 }

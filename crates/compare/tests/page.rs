@@ -5,10 +5,11 @@ mod support;
 use std::path::Path;
 use std::process::Command;
 
-use cardan_compare::{Comparison, Node, compare, html};
+use cardan_compare::{Comparison, Node, compare, compare_with_plots, html};
 
 fn page(comparison: &Comparison) -> String {
-    html::page(&compare(comparison), comparison)
+    let (report, plots) = compare_with_plots(comparison);
+    html::page(&report, comparison, &plots)
 }
 
 /// A run that fails in several ways.
@@ -36,7 +37,7 @@ fn the_page_fetches_nothing() {
 fn every_part_of_the_report_is_on_the_page() {
     let comparison = failing();
     let report = compare(&comparison);
-    let page = html::page(&report, &comparison);
+    let page = page(&comparison);
     assert!(page.contains("✗ Fail"));
     for node in &report.nodes {
         assert!(page.contains(&node.name), "{}", node.name);
@@ -101,16 +102,15 @@ fn chromium(page: &Path, profile: &Path, arguments: &[&str]) -> Vec<u8> {
 #[test]
 fn a_browser_shows_the_page_as_written() {
     let comparison = failing();
-    let report = compare(&comparison);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("compare-page");
     std::fs::create_dir_all(&folder).unwrap();
     let path = folder.join(html::FILE);
-    std::fs::write(&path, html::page(&report, &comparison)).unwrap();
+    let written = page(&comparison);
+    std::fs::write(&path, &written).unwrap();
     let profile = tempfile::tempdir().unwrap();
     let dom = chromium(&path, profile.path(), &["--dump-dom"]);
     let dom = String::from_utf8(dom).unwrap();
     // What the browser's parser made of it: as many elements as were written, none closed early.
-    let written = html::page(&report, &comparison);
     for element in [
         "<section", "<svg", "<path", "<rect", "<tr", "<td", "<figure", "<dd",
     ] {

@@ -1,11 +1,13 @@
 //! What fails a run, and that it says where.
 
+mod support;
+
 use cardan_compare::{
-    Comparison, EmulatorStatistics, Expectation, Frames, Limit, LinkStatistics, Node, Reason,
-    Tolerance, TruthTolerance, Verdict, compare,
+    Chain, Comparison, EmulatorStatistics, Expectation, Frames, Limit, LinkStatistics, Node,
+    Reason, Tolerance, TruthTolerance, Verdict, compare,
 };
 use cardan_golden::Angles;
-use cardan_outputs::{Check, Message, Outputs, Quantity, Status, StatusBit};
+use cardan_outputs::{Check, Is, Message, Outputs, Quantity, Status, StatusBit};
 use cardan_spec::flags;
 use cardan_units::HalfTurns;
 
@@ -37,7 +39,7 @@ fn node(name: &str, per_solution: usize, solutions: usize) -> Node {
 fn passing() -> Comparison {
     let frames: Vec<Vec<u8>> = (0..8).map(|index| vec![index, 1, 2, 0]).collect();
     let mut flags = vec![0; 8];
-    flags[5] = flags::SATURATION;
+    flags[5] = flags::SATURATION.into();
     let mut own = node("product", 2, 8);
     own.golden = None;
     Comparison {
@@ -127,7 +129,7 @@ fn a_value_that_is_not_a_number_misses_every_tolerance() {
 #[test]
 fn a_tolerance_with_nothing_to_judge_is_not_met() {
     let mut comparison = passing();
-    comparison.flags = vec![flags::HALF_SPACE; 8];
+    comparison.flags = vec![flags::HALF_SPACE.into(); 8];
     let all = reasons(&comparison);
     assert_eq!(all.len(), 3);
     assert!(
@@ -282,13 +284,19 @@ fn the_error_against_truth_is_judged_only_where_the_scenario_limits_it() {
         ..Angles::default()
     };
     let mut comparison = passing();
-    comparison.attitudes.truth = (0..8).map(|_| angles(10.0)).collect();
-    comparison.attitudes.deployed = (0..8).map(|_| angles(12.0)).collect();
+    comparison.outputs.group = Some(support::group());
+    comparison.chain = Chain::new(&support::STAGES, 3);
+    let mut set = |is: Is, values: &dyn Fn() -> Option<Angles>| {
+        let series = support::series_of((0..8).map(|_| values()));
+        *comparison.chain.values_mut(is).unwrap() = series;
+    };
+    set(Is::Truth, &|| Some(angles(10.0)));
+    set(Is::Native, &|| Some(angles(12.0)));
     assert_eq!(reasons(&comparison), []);
     comparison.truth_tolerance = Some(TruthTolerance {
-        rms_deg: Some(2.1),
-        p99_deg: None,
-        max_deg: Some(1.9),
+        rms: Some(2.1),
+        p99: None,
+        max: Some(1.9),
     });
     assert!(matches!(
         only_reason(&comparison),
@@ -297,16 +305,20 @@ fn the_error_against_truth_is_judged_only_where_the_scenario_limits_it() {
             ..
         }
     ));
-    comparison.attitudes.truth = (0..8).map(|_| None).collect();
-    assert_eq!(only_reason(&comparison), Reason::NoTruth);
+    *comparison.chain.values_mut(Is::Truth).unwrap() = support::series_of([None; 8]);
+    let of = "attitude".to_owned();
+    assert_eq!(only_reason(&comparison), Reason::NoTruth { of });
 }
 
 #[test]
 fn a_series_of_another_length_is_reported() {
     let mut comparison = passing();
-    comparison.attitudes.codes = (0..7).map(|_| Angles::default()).collect();
+    comparison.outputs.group = Some(support::group());
+    comparison.chain = Chain::new(&support::STAGES, 3);
+    let codes = support::series_of([Some(Angles::default()); 7]);
+    *comparison.chain.values_mut(Is::Golden).unwrap() = codes;
     let reason = only_reason(&comparison);
-    assert!(reason.to_string().contains("golden on codes 7"), "{reason}");
+    assert!(reason.to_string().contains("codes 7"), "{reason}");
 }
 
 /// A node whose differences from real are `errors` in steps, each expected with a deviation of one.
@@ -424,6 +436,7 @@ fn messages(solutions: usize) -> Comparison {
             mask: 1,
         }],
         sequence_modulus: 4,
+        group: None,
     };
     let yaw: Vec<f64> = comparison.nodes[1].native_values().collect();
     let sent = (0..solutions).map(|at| {

@@ -2,21 +2,19 @@
 
 use std::time::{Duration, Instant};
 
-use cardan_link::stream::{
-    Conversions, Frames, IdealNodes, Nodes, RealNodes, Statuses, Stream, Truth,
-};
+use cardan_link::stream::{Events, Frames, Instants, Nodes, RealNodes, Stages, Statuses, Stream};
 use cardan_link::{
-    Conversion, Counters, Frame, LinkError, NodeReal, NodeWord, Options, Reader, Role, Session,
-    Status, TruthSample,
+    Counters, Event, Frame, LinkError, NodeReal, NodeWord, Options, Reader, Role, Session,
+    StageValue, Status,
 };
 
-/// One solution, that is one value per node and one frame, per so many conversions.
+/// One solution, that is one value per node and one frame, per so many events.
 const PER_SOLUTION: u64 = 16;
 
 /// How much there is to do, and how slowly.
 #[derive(Debug, Clone, Copy)]
 pub(crate) struct Load {
-    /// Conversions.
+    /// Events.
     pub(crate) records: u64,
     /// Diff's pause after each slice.
     pub(crate) slow: Duration,
@@ -55,53 +53,62 @@ fn code(sequence: u64) -> u16 {
     (sequence.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 54) as u16
 }
 
-fn conversion(sequence: u64) -> Conversion {
+fn event(sequence: u64) -> Event {
     let code = code(sequence);
-    Conversion {
+    Event {
         sequence,
         cycle: 1000 * sequence,
-        ideal_volts: f64::from(code) * 5.0 / 1024.0,
-        direct_code: f64::from(code) - 511.5,
-        experienced_code: f64::from(code) - 511.25,
-        code,
+        ideal: f64::from(code) * 5.0 / 1024.0,
+        expected: f64::from(code) - 511.25,
+        value: code.into(),
+        kind: Event::CONVERSION,
         channel: (sequence % 4) as u8,
         flags: 0,
     }
 }
 
-fn word(conversion: &Conversion) -> NodeWord {
-    let value = -i64::from(conversion.code) << 40;
+fn word(event: &Event) -> NodeWord {
+    let value = -i64::from(event.value) << 40;
     NodeWord {
-        cycle: conversion.cycle,
+        cycle: event.cycle,
         value,
-        node: conversion.channel.into(),
+        node: event.channel.into(),
     }
 }
 
-fn real(conversion: &Conversion, value: f64) -> NodeReal {
+fn real(event: &Event, value: f64) -> NodeReal {
     NodeReal {
-        cycle: conversion.cycle,
+        cycle: event.cycle,
         value,
         bias: 0.25,
         deviation: f64::INFINITY,
-        node: conversion.channel.into(),
+        node: event.channel.into(),
     }
 }
 
-fn status(conversion: &Conversion) -> Status {
+fn ideal(event: &Event) -> StageValue {
+    StageValue {
+        cycle: event.cycle,
+        value: event.ideal,
+        stage: 3,
+        member: event.channel.into(),
+    }
+}
+
+fn status(event: &Event) -> Status {
     Status {
-        cycle: conversion.cycle,
-        set: conversion.code.into(),
-        doubtful: conversion.channel.into(),
+        cycle: event.cycle,
+        set: event.value,
+        doubtful: event.channel.into(),
     }
 }
 
-fn frame(conversion: &Conversion) -> Frame {
-    let bytes = conversion
+fn frame(event: &Event) -> Frame {
+    let bytes = event
         .sequence
         .to_le_bytes()
-        .repeat(1 + usize::from(conversion.channel));
-    Frame::new(conversion.cycle, &bytes).expect("at most 32 bytes")
+        .repeat(1 + usize::from(event.channel));
+    Frame::new(event.cycle, &bytes).expect("at most 32 bytes")
 }
 
 fn blob(len: usize) -> Vec<u8> {
@@ -115,30 +122,26 @@ fn is_solution(sequence: u64) -> bool {
 fn emulate(session: &Session, load: Load) -> Result<(), LinkError> {
     let mut blobs = session.blob_writer()?;
     blobs.send("scenario", &blob(load.blob))?;
-    let (mut conversions, mut nodes) = (session.writer(Conversions)?, session.writer(Nodes)?);
-    let (mut frames, mut truth) = (session.writer(Frames)?, session.writer(Truth)?);
+    let (mut events, mut nodes) = (session.writer(Events)?, session.writer(Nodes)?);
+    let (mut frames, mut instants) = (session.writer(Frames)?, session.writer(Instants)?);
     for sequence in 0..load.records {
-        let now = conversion(sequence);
-        conversions.push(now)?;
+        let now = event(sequence);
+        events.push(now)?;
         if is_solution(sequence) {
             nodes.push(word(&now))?;
             frames.push(frame(&now))?;
             let time_s = sequence as f64;
-            truth.push(TruthSample {
-                time_s,
-                roll_rad: 0.0,
-                pitch_rad: 0.1,
-                yaw_rad: 0.2,
-            })?;
+            let cycle = now.cycle;
+            instants.push(cardan_link::Instant { cycle, time_s })?;
         }
         if sequence == load.records / 2 {
             std::thread::sleep(load.stall);
         }
     }
-    conversions.finish()?;
+    events.finish()?;
     nodes.finish()?;
     frames.finish()?;
-    truth.finish()?;
+    instants.finish()?;
     blobs.send("summary", b"{}")?;
     blobs.finish()
 }
@@ -146,11 +149,11 @@ fn emulate(session: &Session, load: Load) -> Result<(), LinkError> {
 fn compute(session: &Session, load: Load) -> Result<(), LinkError> {
     let mut blobs = session.blob_reader(Role::Emulated)?;
     assert_eq!(blobs.expect("scenario")?, blob(load.blob));
-    let mut conversions = session.reader(Role::Emulated, Conversions)?;
+    let mut events = session.reader(Role::Emulated, Events)?;
     let (mut nodes, mut frames) = (session.writer(Nodes)?, session.writer(Frames)?);
     let mut count = 0;
-    while let Some(now) = conversions.next()? {
-        assert_eq!(now, conversion(count));
+    while let Some(now) = events.next()? {
+        assert_eq!(now, event(count));
         count += 1;
         if is_solution(now.sequence) {
             nodes.push(word(&now))?;
@@ -163,16 +166,16 @@ fn compute(session: &Session, load: Load) -> Result<(), LinkError> {
 }
 
 fn model(session: &Session, load: Load) -> Result<(), LinkError> {
-    let mut conversions = session.reader(Role::Emulated, Conversions)?;
-    let (mut codes, mut ideals) = (session.writer(RealNodes)?, session.writer(IdealNodes)?);
+    let mut events = session.reader(Role::Emulated, Events)?;
+    let (mut codes, mut ideals) = (session.writer(RealNodes)?, session.writer(Stages)?);
     let mut statuses = session.writer(Statuses)?;
     let mut count = 0;
-    while let Some(now) = conversions.next()? {
-        assert_eq!(now, conversion(count));
+    while let Some(now) = events.next()? {
+        assert_eq!(now, event(count));
         count += 1;
         if is_solution(now.sequence) {
-            codes.push(real(&now, f64::from(now.code)))?;
-            ideals.push(real(&now, now.ideal_volts))?;
+            codes.push(real(&now, f64::from(now.value)))?;
+            ideals.push(ideal(&now))?;
             statuses.push(status(&now))?;
         }
     }
@@ -185,14 +188,12 @@ fn model(session: &Session, load: Load) -> Result<(), LinkError> {
 fn check<S: Stream>(
     mut reader: Reader<S>,
     load: Load,
-    expected: impl Fn(&Conversion) -> S::Record,
+    expected: impl Fn(&Event) -> S::Record,
 ) -> Result<(), LinkError>
 where
     S::Record: PartialEq,
 {
-    let mut solutions = (0..load.records)
-        .filter(|&s| is_solution(s))
-        .map(conversion);
+    let mut solutions = (0..load.records).filter(|&s| is_solution(s)).map(event);
     while let Some(batch) = reader.next_batch()? {
         std::thread::sleep(load.slow);
         for record in batch {
@@ -208,20 +209,18 @@ fn judge(session: &Session, load: Load) -> Result<(), LinkError> {
     check(session.reader(Role::Native, Nodes)?, load, word)?;
     check(session.reader(Role::Emulated, Nodes)?, load, word)?;
     check(session.reader(Role::Golden, RealNodes)?, load, |c| {
-        real(c, f64::from(c.code))
+        real(c, f64::from(c.value))
     })?;
-    check(session.reader(Role::Golden, IdealNodes)?, load, |c| {
-        real(c, c.ideal_volts)
-    })?;
+    check(session.reader(Role::Golden, Stages)?, load, ideal)?;
     check(session.reader(Role::Golden, Statuses)?, load, status)?;
     check(session.reader(Role::Emulated, Frames)?, load, frame)?;
     check(session.reader(Role::Native, Frames)?, load, frame)?;
-    let mut conversions = session.reader(Role::Emulated, Conversions)?;
+    let mut events = session.reader(Role::Emulated, Events)?;
     let mut count = 0;
-    while let Some(batch) = conversions.next_batch()? {
+    while let Some(batch) = events.next_batch()? {
         std::thread::sleep(load.slow);
         for record in batch {
-            assert_eq!(record, conversion(count));
+            assert_eq!(record, event(count));
             count += 1;
         }
     }

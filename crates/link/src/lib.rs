@@ -8,8 +8,8 @@
 //! leaves behind.
 //!
 //! ```
-//! use cardan_link::stream::Conversions;
-//! use cardan_link::{Conversion, LinkError, Options, Role, Session, SessionId, Transport};
+//! use cardan_link::stream::Events;
+//! use cardan_link::{Event, LinkError, Options, Role, Session, SessionId, Transport};
 //!
 //! fn options(role: Role, session: &SessionId) -> Options {
 //!     let expected = vec![Role::Emulated, Role::Native];
@@ -18,15 +18,14 @@
 //!
 //! fn emulate(session: SessionId) -> Result<(), LinkError> {
 //!     let session = Session::join(options(Role::Emulated, &session))?;
-//!     let mut conversions = session.writer(Conversions)?;
+//!     let mut events = session.writer(Events)?;
 //!     for sequence in 0..1000 {
 //!         let cycle = 1000 * sequence;
-//!         let (channel, code, ideal_volts, direct_code, experienced_code) = (0, 512, 2.5, -0.5, -0.5);
-//!         conversions.push(Conversion {
-//!             sequence, cycle, ideal_volts, direct_code, experienced_code, code, channel, flags: 0,
-//!         })?;
+//!         let (channel, value, ideal, expected) = (0, 512, 2.5, -0.5);
+//!         let kind = Event::CONVERSION;
+//!         events.push(Event { sequence, cycle, ideal, expected, value, kind, channel, flags: 0 })?;
 //!     }
-//!     conversions.finish()?;
+//!     events.finish()?;
 //!     session.close().map(drop)
 //! }
 //!
@@ -35,7 +34,7 @@
 //! let session = id.clone();
 //! let emulated = std::thread::spawn(move || emulate(session));
 //! let native = Session::join(options(Role::Native, &id))?;
-//! let codes = native.reader(Role::Emulated, Conversions)?.collect()?;
+//! let codes = native.reader(Role::Emulated, Events)?.collect()?;
 //! assert_eq!(codes.len(), 1000);
 //! native.close()?;
 //! emulated.join().expect("does not panic")
@@ -68,7 +67,7 @@ pub use handle::{Reader, Writer};
 pub use options::{Options, STALL_TIMEOUT};
 pub use port::Traffic;
 pub use record::{
-    Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, Status, TruthSample,
+    Event, Frame, Instant, NodeReal, NodeWord, Notice, Record, SignalValue, StageValue, Status,
 };
 pub use role::Role;
 pub use session::{Counters, Session};

@@ -12,57 +12,51 @@ pub trait Record: Copy + Debug + ZeroCopySend + 'static {
     }
 }
 
-/// One analog-to-digital conversion.
+/// Something that the firmware took in.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-pub struct Conversion {
-    /// Position in the stream of all conversions, from 0.
+pub struct Event {
+    /// Position among all events of its kind, from 0.
     pub sequence: u64,
-    /// MCU cycle of the hold instant.
+    /// MCU cycle at which it was taken: a conversion's hold instant, the end of a byte, a pin's edge.
     pub cycle: u64,
-    /// Voltage in volts that an ideal chain would have held at that instant.
-    pub ideal_volts: f64,
-    /// Bipolar code that memoryless ideal sensors would have given; NaN where the true attitude is
-    /// not known.
-    pub direct_code: f64,
-    /// Bipolar code that memoryless ideal sensors would have given of the true specific force and
-    /// field.
-    pub experienced_code: f64,
-    /// The converter's code.
-    pub code: u16,
-    /// Multiplexer channel.
+    /// A conversion's voltage in that instant, in volts, before the converter's own errors; else not a number.
+    pub ideal: f64,
+    /// The code, without steps, that ideal memoryless sensors would have given of what the sensors experienced;
+    /// not a number where nobody knows.
+    pub expected: f64,
+    /// The converter's code, the byte, the level (0 or 1).
+    pub value: u32,
+    /// One of the constants below.
+    pub kind: u8,
+    /// Multiplexer channel, or number of the pin: 8 * port + bit, port 0 being B.
     pub channel: u8,
-    /// Bits of [`Conversion::LATE`] and those after it.
+    /// Bits of [`Event::LATE`] and [`Event::LOST`].
     pub flags: u8,
 }
 
-impl Conversion {
+impl Event {
+    /// Kind: an analog-to-digital conversion.
+    pub const CONVERSION: u8 = 0;
+    /// Kind: the analog comparator's output, when the firmware read it.
+    pub const COMPARATOR: u8 = 1;
+    /// Kind: a byte on the serial line to the device.
+    pub const BYTE: u8 = 2;
+    /// Kind: an edge of an input pin.
+    pub const EDGE: u8 = 3;
+
     /// The result was fetched after its deadline.
     pub const LATE: u8 = 1;
     /// The result was overwritten before the firmware fetched it.
     pub const LOST: u8 = 2;
-    /// A third tilt axis was read with this conversion, the last of a solution.
-    pub const THIRD_TILT: u8 = 4;
-    /// It told that the device is upside down.
-    pub const UPSIDE_DOWN: u8 = 8;
-    /// The true attitude is known there.
-    pub const TRUTH: u8 = 16;
-    /// The device truly is upside down.
-    pub const TRULY_UPSIDE_DOWN: u8 = 32;
 
-    /// True when all of `bits` are set.
-    #[must_use]
-    pub const fn has(&self, bits: u8) -> bool {
-        self.flags & bits == bits
-    }
-
-    /// True when the firmware never saw this code.
+    /// True when the firmware never saw this value.
     #[must_use]
     pub const fn is_lost(&self) -> bool {
         self.flags & Self::LOST != 0
     }
 
-    /// True when the firmware fetched this code after its deadline.
+    /// True when the firmware fetched this value after its deadline.
     #[must_use]
     pub const fn is_late(&self) -> bool {
         self.flags & Self::LATE != 0
@@ -149,18 +143,28 @@ impl Frame {
     }
 }
 
-/// The attitude that the scenario imposed.
+/// A value of a stage of the product's chain in one solution, or of a step between two stages.
 #[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
 #[repr(C)]
-pub struct TruthSample {
-    /// Time in seconds since the start of the run.
+pub struct StageValue {
+    /// MCU cycle of the event that completed the solution.
+    pub cycle: u64,
+    /// The value, in the group's own unit; not a number where it is not known.
+    pub value: f64,
+    /// Which stage, in the product's order; behind the last one the steps of the rounding, by node.
+    pub stage: u16,
+    /// Which member of the group.
+    pub member: u16,
+}
+
+/// The instant that a solution stands for.
+#[derive(Debug, Clone, Copy, PartialEq, ZeroCopySend)]
+#[repr(C)]
+pub struct Instant {
+    /// MCU cycle at which the solution's inputs were complete.
+    pub cycle: u64,
+    /// Seconds after reset.
     pub time_s: f64,
-    /// Roll in radians.
-    pub roll_rad: f64,
-    /// Pitch in radians.
-    pub pitch_rad: f64,
-    /// Yaw in radians.
-    pub yaw_rad: f64,
 }
 
 /// A value of a signal that somebody wants to see: a pin's level, a voltage inside the front end.
@@ -175,7 +179,7 @@ pub struct SignalValue {
     pub signal: u16,
 }
 
-impl Record for Conversion {
+impl Record for Event {
     fn cycle(&self) -> u64 {
         self.cycle
     }
@@ -205,7 +209,17 @@ impl Record for Frame {
     }
 }
 
-impl Record for TruthSample {}
+impl Record for StageValue {
+    fn cycle(&self) -> u64 {
+        self.cycle
+    }
+}
+
+impl Record for Instant {
+    fn cycle(&self) -> u64 {
+        self.cycle
+    }
+}
 
 impl Record for SignalValue {
     fn cycle(&self) -> u64 {

@@ -5,7 +5,7 @@
 
 use crate::error::LinkError;
 use crate::record::{
-    Conversion, Frame, NodeReal, NodeWord, Notice, Record, SignalValue, Status, TruthSample,
+    Event, Frame, Instant, NodeReal, NodeWord, Notice, Record, SignalValue, StageValue, Status,
 };
 use crate::role::Role;
 
@@ -52,7 +52,6 @@ macro_rules! streams {
 const EMULATED: &[Role] = &[Role::Emulated];
 const FIRMWARES: &[Role] = &[Role::Emulated, Role::Native];
 const MODELS: &[Role] = &[Role::Native, Role::Golden];
-const GOLDEN: &[Role] = &[Role::Golden];
 const DIFF: &[Role] = &[Role::Diff];
 const UPSTREAM: &[Role] = &[Role::Emulated, Role::Native, Role::Golden];
 const DOWNSTREAM: &[Role] = &[Role::Native, Role::Golden, Role::Diff];
@@ -61,18 +60,18 @@ const ALL: &[Role] = &Role::ALL;
 streams! {
     /// What each participant tells all others; the sessions' own, not for users.
     Notices = "notices", Notice: ALL => ALL;
-    /// Conversions: codes and ideal voltages.
-    Conversions = "conversions", Conversion: EMULATED => DOWNSTREAM;
-    /// Attitude that the scenario imposed.
-    Truth = "truth", TruthSample: EMULATED => DOWNSTREAM;
+    /// What the firmware took in: codes with their ideal voltages, bytes, edges.
+    Events = "events", Event: EMULATED => DOWNSTREAM;
+    /// The instants that solutions stand for.
+    Instants = "instants", Instant: EMULATED => DOWNSTREAM;
     /// Node values of the deployed arithmetic.
     Nodes = "nodes", NodeWord: FIRMWARES => DIFF;
     /// Frames off the serial port.
     Frames = "frames", Frame: FIRMWARES => DIFF;
     /// Real node values on the codes: golden's, and native's in the real interpretation.
     RealNodes = "real-nodes", NodeReal: MODELS => DIFF;
-    /// Golden's node values on the ideal voltages, for the error budget.
-    IdealNodes = "ideal-nodes", NodeReal: GOLDEN => DIFF;
+    /// Values along the product's chain that are no nodes of native, emulated or golden on the codes.
+    Stages = "stages", StageValue: UPSTREAM => DIFF;
     /// Status words of the models on the codes: golden's, and native's in the real interpretation.
     Statuses = "statuses", Status: MODELS => DIFF;
     /// Pins and inner voltages that are to be dumped; empty unless asked for.
@@ -146,10 +145,10 @@ mod tests {
     }
 
     #[test]
-    fn native_and_golden_read_conversions_and_diff_reads_all_there_is() {
+    fn native_and_golden_read_events_and_diff_reads_all_there_is() {
         let all = routes();
-        assert!(all.contains(&("conversions", Role::Emulated, Role::Native)));
-        assert!(all.contains(&("conversions", Role::Emulated, Role::Golden)));
+        assert!(all.contains(&("events", Role::Emulated, Role::Native)));
+        assert!(all.contains(&("events", Role::Emulated, Role::Golden)));
         assert!(!all.contains(&("blobs", Role::Native, Role::Golden)));
         for (name, writer, _) in &all {
             assert!(*writer == Role::Diff || all.contains(&(*name, *writer, Role::Diff)));

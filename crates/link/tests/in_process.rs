@@ -6,7 +6,7 @@ mod roles;
 
 use std::time::Duration;
 
-use cardan_link::stream::{Conversions, Frames, Nodes, Truth};
+use cardan_link::stream::{Events, Frames, Instants, Nodes};
 use cardan_link::{
     Counters, Death, Frame, LinkError, Options, Role, Session, SessionId, Transport,
 };
@@ -139,7 +139,7 @@ fn dropping_a_session_before_its_end_is_noticed_and_named() {
     let _watchdog = Watchdog::new(60);
     for transport in BOTH {
         let read = |s: Session| {
-            let reader = s.reader(Role::Emulated, Conversions).expect("routed");
+            let reader = s.reader(Role::Emulated, Events).expect("routed");
             reader.collect().map(drop).expect_err("the writer goes")
         };
         let leave = |session: Session| {
@@ -213,9 +213,9 @@ fn closing_with_an_unfinished_writer_is_refused_by_name() {
 fn each_stream_is_had_once_and_only_by_its_own_roles() {
     let _watchdog = Watchdog::new(60);
     let writer = |session: Session| {
-        let truth = session.writer(Truth).expect("emulated publishes it");
+        let truth = session.writer(Instants).expect("emulated publishes it");
         assert!(matches!(
-            session.writer(Truth),
+            session.writer(Instants),
             Err(LinkError::NotRouted { .. })
         ));
         assert!(session.reader(Role::Diff, Nodes).is_err());
@@ -223,10 +223,10 @@ fn each_stream_is_had_once_and_only_by_its_own_roles() {
     };
     let reader = |session: Session| {
         let truth = session
-            .reader(Role::Emulated, Truth)
+            .reader(Role::Emulated, Instants)
             .expect("diff reads it");
         assert!(matches!(
-            session.reader(Role::Emulated, Truth),
+            session.reader(Role::Emulated, Instants),
             Err(LinkError::NotRouted { .. })
         ));
         assert!(session.writer(Nodes).is_err());

@@ -1,10 +1,16 @@
-//! What a product gives, as data: quantities, status bits, and the messages that carry both.
+//! What a product gives, as data: quantities, status bits, the messages that carry both, and the stages of
+//! the chain that leads to them.
 //!
 //! A product lists its [`Outputs`] once. Whoever compares, tunes or shows them needs no knowledge of
 //! the product: a quantity names the node that holds its reference, a status bit its mask, and a
-//! decoded [`Message`] is the values in the order of that list.
+//! decoded [`Message`] is the values in the order of that list. A [`Group`] is the quantities whose error
+//! is followed from [`Stage`] to stage: neighbouring stages are the parts of the error budget.
+
+mod chain;
 
 use serde::Serialize;
+
+pub use chain::{Combined, Group, Is, Member, Shown, Stage};
 
 /// A value that the product sends.
 #[derive(Clone, Debug, PartialEq)]
@@ -43,6 +49,8 @@ pub struct Outputs {
     pub status: Vec<StatusBit>,
     /// The number of a message is counted modulo this.
     pub sequence_modulus: u64,
+    /// The quantities whose error is followed along the chain; none if nothing is.
+    pub group: Option<Group>,
 }
 
 /// A decoded message.
@@ -99,11 +107,7 @@ impl Quantity {
     /// value - reference, the short way round where there is a period.
     #[must_use]
     pub fn difference(&self, value: f64, reference: f64) -> f64 {
-        let plain = value - reference;
-        match self.period {
-            Some(period) if plain.is_finite() => plain - period * (plain / period).round(),
-            _ => plain,
-        }
+        chain::short_way(value - reference, self.period)
     }
 }
 

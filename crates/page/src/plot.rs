@@ -73,7 +73,7 @@ pub struct Plot {
     /// Where the vertical axis is marked.
     pub ticks: Vec<f64>,
     /// Unit of the vertical axis, after the topmost mark.
-    pub unit: &'static str,
+    pub unit: String,
     /// Height in pixels.
     pub height: u32,
     /// What is drawn, from back to front.
@@ -181,56 +181,157 @@ fn level(y: f64) -> String {
     format!("M0 {y:.2}H{WIDTH}")
 }
 
-/// Divides `seconds` into equal stretches and takes the extremes of `values` (time, value) in each.
-#[must_use]
-pub fn stretches(
-    values: impl Iterator<Item = (f64, f64)>,
-    seconds: f64,
+/// Values at equal steps of time, of which the extremes over stretches are kept: at most twice as many as asked
+/// for, however many values come.
+#[derive(Clone, Debug, Default)]
+pub struct Envelope {
+    most: usize,
+    /// Values per stretch; 0 as long as there is none.
+    size: usize,
     count: usize,
-) -> Vec<Option<Stretch>> {
-    let mut all: Vec<Option<Stretch>> = vec![None; count];
-    for (time, value) in values.filter(|(_, value)| value.is_finite()) {
-        let index = (time / seconds * count as f64) as usize;
-        let Some(slot) = all.get_mut(index) else {
-            continue;
-        };
-        let stretch = slot.get_or_insert(Stretch {
-            time: (index as f64 + 0.5) / count as f64 * seconds,
+    stretches: Vec<Option<Extremes>>,
+}
+
+/// First value and extremes of a stretch.
+#[derive(Clone, Copy, Debug)]
+struct Extremes {
+    first: f64,
+    low: f64,
+    high: f64,
+}
+
+impl Extremes {
+    fn with(self, later: Self) -> Self {
+        Self {
+            first: self.first,
+            low: self.low.min(later.low),
+            high: self.high.max(later.high),
+        }
+    }
+}
+
+impl Envelope {
+    /// Keeps at least `most` stretches, where there are as many values.
+    #[must_use]
+    pub fn new(most: usize) -> Self {
+        Self {
+            most: most.max(1),
+            ..Self::default()
+        }
+    }
+
+    /// Adds the next value; `None`, or what is not finite, is a gap.
+    pub fn push(&mut self, value: Option<f64>) {
+        let size = self.size.max(1);
+        if self.count == self.stretches.len() * size {
+            if self.stretches.len() >= 2 * self.most.max(1) {
+                self.halve();
+            }
+            if self.count == self.stretches.len() * self.size.max(1) {
+                self.stretches.push(None);
+            }
+        }
+        self.size = self.size.max(1);
+        self.count += 1;
+        let value = value.filter(|value| value.is_finite());
+        let found = value.map(|value| Extremes {
+            first: value,
             low: value,
             high: value,
         });
-        stretch.low = stretch.low.min(value);
-        stretch.high = stretch.high.max(value);
-    }
-    all
-}
-
-/// Spans of time in which any solution satisfies `holds`, to within a `count`-th of the whole.
-#[must_use]
-pub fn spans(
-    solutions: usize,
-    seconds: f64,
-    count: usize,
-    holds: impl Fn(usize) -> bool,
-) -> Vec<(f64, f64)> {
-    let count = count.min(solutions).max(1);
-    let mut hit = vec![false; count];
-    for solution in (0..solutions).filter(|&solution| holds(solution)) {
-        hit[solution * count / solutions] = true;
-    }
-    let edge = |index: usize| index as f64 / count as f64 * seconds;
-    let (mut spans, mut start) = (Vec::new(), None);
-    for (index, hit) in hit.into_iter().chain([false]).enumerate() {
-        match (start, hit) {
-            (None, true) => start = Some(index),
-            (Some(from), false) => {
-                spans.push((edge(from), edge(index)));
-                start = None;
-            }
-            _ => {}
+        if let Some(last) = self.stretches.last_mut() {
+            *last = joined(*last, found);
         }
     }
-    spans
+
+    fn halve(&mut self) {
+        let pairs = self.stretches.chunks(2);
+        let pairs = pairs.map(|pair| joined(pair[0], pair.get(1).copied().flatten()));
+        self.stretches = pairs.collect();
+        self.size *= 2;
+    }
+
+    /// Values so far, gaps among them.
+    #[must_use]
+    pub const fn len(&self) -> usize {
+        self.count
+    }
+
+    /// Whether there was no value.
+    #[must_use]
+    pub const fn is_empty(&self) -> bool {
+        self.count == 0
+    }
+
+    /// Whether a stretch holds one value only, so that nothing is left out.
+    #[must_use]
+    pub const fn is_whole(&self) -> bool {
+        self.size <= 1
+    }
+
+    /// Times of the stretches' middles, values `step_s` seconds apart.
+    fn timed(&self, step_s: f64) -> impl Iterator<Item = (f64, Option<Extremes>)> + '_ {
+        let size = self.size.max(1) as f64;
+        let stretches = self.stretches.iter().enumerate();
+        stretches.map(move |(index, found)| ((index as f64 + 0.5) * size * step_s, *found))
+    }
+
+    /// The extremes of each stretch, values `step_s` seconds apart.
+    #[must_use]
+    pub fn stretches(&self, step_s: f64) -> Vec<Option<Stretch>> {
+        let stretch = |(time, found): (f64, Option<Extremes>)| {
+            found.map(|found| Stretch {
+                time,
+                low: found.low,
+                high: found.high,
+            })
+        };
+        self.timed(step_s).map(stretch).collect()
+    }
+
+    /// The first value of each stretch and its time.
+    #[must_use]
+    pub fn points(&self, step_s: f64) -> Vec<(f64, f64)> {
+        let points = self.timed(step_s);
+        points
+            .filter_map(|(time, found)| Some((time, found?.first)))
+            .collect()
+    }
+
+    /// Spans of time in which any value is above 0, to within a stretch.
+    #[must_use]
+    pub fn spans(&self, step_s: f64) -> Vec<(f64, f64)> {
+        let length = self.size.max(1) as f64 * step_s;
+        let edge = |index: usize| index as f64 * length;
+        let hits = self.stretches.iter();
+        let hits = hits.map(|found| found.is_some_and(|found| found.high > 0.0));
+        let (mut spans, mut start) = (Vec::new(), None);
+        for (index, hit) in hits.chain([false]).enumerate() {
+            match (start, hit) {
+                (None, true) => start = Some(index),
+                (Some(from), false) => {
+                    spans.push((edge(from), edge(index)));
+                    start = None;
+                }
+                _ => {}
+            }
+        }
+        spans
+    }
+
+    /// Largest absolute value.
+    #[must_use]
+    pub fn most(&self) -> f64 {
+        let known = self.stretches.iter().flatten();
+        known.fold(0f64, |most, at| most.max(at.high.abs()).max(at.low.abs()))
+    }
+}
+
+fn joined(earlier: Option<Extremes>, later: Option<Extremes>) -> Option<Extremes> {
+    match (earlier, later) {
+        (Some(earlier), Some(later)) => Some(earlier.with(later)),
+        (found, None) | (None, found) => found,
+    }
 }
 
 /// Round numbers that cover low..=high, about `about` of them.
@@ -349,21 +450,53 @@ mod tests {
 
     #[test]
     fn a_stretch_keeps_the_extremes_and_a_gap_stays_a_gap() {
-        let values = [(0.1, 3.0), (0.2, -1.0), (2.5, 7.0), (9.9, f64::NAN)];
-        let found = stretches(values.into_iter(), 4.0, 4);
-        assert_eq!(found[0].map(|at| (at.low, at.high)), Some((-1.0, 3.0)));
-        assert_eq!(found[1], None);
-        assert_eq!(found[2].map(|at| (at.low, at.high)), Some((7.0, 7.0)));
+        let mut found = Envelope::new(2);
+        for value in [3.0, -1.0, f64::NAN, f64::NAN, 7.0, 5.0, 6.0, 8.0] {
+            found.push(Some(value));
+        }
+        assert_eq!(found.len(), 8);
+        let extremes: Vec<_> = found
+            .stretches(1.0)
+            .into_iter()
+            .map(|at| at.map(|at| (at.time, at.low, at.high)))
+            .collect();
+        let expected = [
+            Some((1.0, -1.0, 3.0)),
+            None,
+            Some((5.0, 5.0, 7.0)),
+            Some((7.0, 6.0, 8.0)),
+        ];
+        assert_eq!(extremes, expected);
+        assert_eq!(found.points(1.0), [(1.0, 3.0), (5.0, 7.0), (7.0, 6.0)]);
+        assert_eq!(found.most(), 8.0);
+    }
+
+    #[test]
+    fn no_value_is_lost_however_many_come() {
+        let mut found = Envelope::new(10);
+        for at in 0..12_345 {
+            found.push(Some(f64::from(at * 7919 % 12_345)));
+        }
+        let stretches = found.stretches(0.5);
+        assert!((10..=20).contains(&stretches.len()), "{}", stretches.len());
+        let known = || stretches.iter().flatten();
+        assert_eq!(known().map(|at| at.high).fold(0.0, f64::max), 12_344.0);
+        assert_eq!(known().map(|at| at.low).fold(1e9, f64::min), 0.0);
+        assert!(!found.is_whole());
     }
 
     #[test]
     fn spans_join_neighbours_and_keep_single_solutions_visible() {
-        let flagged = |solution: usize| solution == 10 || (50..60).contains(&solution);
-        assert_eq!(
-            spans(100, 100.0, 100, flagged),
-            [(10.0, 11.0), (50.0, 60.0)]
-        );
-        assert_eq!(spans(100, 100.0, 10, flagged), [(10.0, 20.0), (50.0, 60.0)]);
-        assert_eq!(spans(0, 1.0, 10, flagged), []);
+        let spans = |most: usize| {
+            let mut found = Envelope::new(most);
+            for solution in 0..100 {
+                let is_set = solution == 10 || (50..60).contains(&solution);
+                found.push(Some(f64::from(u8::from(is_set))));
+            }
+            found.spans(1.0)
+        };
+        assert_eq!(spans(100), [(10.0, 11.0), (50.0, 60.0)]);
+        assert_eq!(spans(25), [(10.0, 12.0), (50.0, 60.0)]);
+        assert_eq!(Envelope::new(10).spans(1.0), []);
     }
 }

@@ -71,15 +71,15 @@ impl Style {
 
 /// A column: its title, whether it is aligned right, and how readily it is left out (0: never).
 #[derive(Clone, Copy, Debug)]
-pub struct Column {
-    title: &'static str,
+pub struct Column<'a> {
+    title: &'a str,
     right: bool,
     dispensable: u8,
 }
 
 /// A column of a table.
 #[must_use]
-pub const fn column(title: &'static str, right: bool, dispensable: u8) -> Column {
+pub const fn column(title: &str, right: bool, dispensable: u8) -> Column<'_> {
     Column {
         title,
         right,
@@ -116,13 +116,13 @@ pub fn prose(out: &mut String, first: &str, indent: usize, text: &str, style: St
 
 /// Rows under their titles; `tones` colours the cell of each row in `toned`. Columns for which there is no
 /// room are named in a line below; their titles are returned.
-pub fn grid(
+pub fn grid<'a>(
     out: &mut String,
-    columns: &[Column],
+    columns: &[Column<'a>],
     rows: &[Vec<String>],
     toned: Option<(usize, &[Tone])>,
     style: Style,
-) -> Vec<&'static str> {
+) -> Vec<&'a str> {
     let widths: Vec<usize> = (0..columns.len())
         .map(|at| {
             let cells = rows.iter().map(|row| row[at].chars().count());
@@ -155,7 +155,7 @@ pub fn grid(
         let _ = writeln!(out, "{}", line(&|at| (row[at].clone(), tone(at))));
     }
     let left_out = (0..columns.len()).filter(|at| !shown.contains(at));
-    let left_out: Vec<&'static str> = left_out.map(|at| columns[at].title).collect();
+    let left_out: Vec<&'a str> = left_out.map(|at| columns[at].title).collect();
     if !left_out.is_empty() {
         let text = format!(
             "{}: no room in {} characters; a wider terminal, COLUMNS=200 or --json shows them",
@@ -168,7 +168,7 @@ pub fn grid(
 }
 
 /// The columns that fit, after leaving out the most dispensable ones.
-fn fitting(columns: &[Column], widths: &[usize], width: usize) -> Vec<usize> {
+fn fitting(columns: &[Column<'_>], widths: &[usize], width: usize) -> Vec<usize> {
     let mut shown: Vec<usize> = (0..columns.len()).collect();
     loop {
         let needed: usize = shown.iter().map(|&at| widths[at] + 2).sum();

@@ -21,13 +21,14 @@ use crate::tolerance::Tolerance;
 use crate::tumble::Tumble;
 
 /// Bundled scenarios: name and text.
-pub const BUNDLED: [(&str, &str); 12] = [
+pub const BUNDLED: [(&str, &str); 13] = [
     ("tumble", include_str!("../scenarios/tumble.toml")),
     (
         "tumble-quiet",
         include_str!("../scenarios/tumble-quiet.toml"),
     ),
     ("somersault", include_str!("../scenarios/somersault.toml")),
+    ("measured", include_str!("../scenarios/measured.toml")),
     ("static", include_str!("../scenarios/static.toml")),
     ("sweep", include_str!("../scenarios/sweep.toml")),
     ("step", include_str!("../scenarios/step.toml")),
@@ -338,7 +339,7 @@ impl Scenario {
     /// or it changes nothing of motion and hardware that would widen them.
     #[must_use]
     pub fn keeps_limits(key: &str) -> bool {
-        ["tolerance.", "controller.", "noise."]
+        ["tolerance.", "noise."]
             .iter()
             .any(|table| key.starts_with(table))
     }

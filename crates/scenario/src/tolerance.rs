@@ -51,12 +51,19 @@ pub struct StageTolerance {
     pub reason: String,
 }
 
-/// Limits of the mean difference between a channel's held voltage and ideal sensors.
+/// Limits of the difference between a channel's held voltage and ideal sensors. To those of gain and delay comes
+/// what the run's own noise leaves open.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct ChannelTolerance {
-    /// Its size in steps of the converter.
+    /// Size of its mean, in steps of the converter.
     pub bias_lsb: Option<f64>,
+    /// By which part of the ideal sensors' signal the held one may be too large or too small.
+    pub gain: Option<f64>,
+    /// By how many milliseconds it may be late, or early, beside the nominal group delay.
+    pub delay_ms: Option<f64>,
+    /// Largest mean over a solution, in root mean squares of all such means.
+    pub peak: Option<f64>,
     /// Why this limit.
     pub reason: String,
 }
@@ -74,9 +81,17 @@ pub struct StatusTolerance {
     pub reason: String,
 }
 
+/// Limits that do not grow for a shorter run: they have a statistic of their own.
+const OWN: [&str; 4] = [
+    "tolerance.status.least_unflagged_s",
+    "tolerance.channels.gain",
+    "tolerance.channels.delay_ms",
+    "tolerance.channels.peak",
+];
+
 impl Tolerance {
     /// Every limit by its key, with its admissible range and its unit.
-    fn limits(&mut self) -> [(&'static str, &mut Option<f64>, f64, &'static str); 10] {
+    fn limits(&mut self) -> [(&'static str, &mut Option<f64>, f64, &'static str); 13] {
         let degrees = "0 to 180 deg";
         [
             (
@@ -128,6 +143,24 @@ impl Tolerance {
                 "0 to 1024 LSB",
             ),
             (
+                "tolerance.channels.gain",
+                &mut self.channels.gain,
+                2.0,
+                "a part of the signal, 0 to 2",
+            ),
+            (
+                "tolerance.channels.delay_ms",
+                &mut self.channels.delay_ms,
+                1e6,
+                "0 to 1e6 ms",
+            ),
+            (
+                "tolerance.channels.peak",
+                &mut self.channels.peak,
+                1e6,
+                "root mean squares, 0 to 1e6",
+            ),
+            (
                 "tolerance.status.most_flagged",
                 &mut self.status.most_flagged,
                 1.0,
@@ -157,7 +190,7 @@ impl Tolerance {
     pub(crate) fn widened(&self, factor: f64, seconds: f64, exact: &[&str]) -> Self {
         let mut tolerance = self.clone();
         for (key, limit, most, _) in tolerance.limits() {
-            if key != "tolerance.status.least_unflagged_s" && !exact.contains(&key) {
+            if !OWN.contains(&key) && !exact.contains(&key) {
                 *limit = limit.map(|limit| (factor * limit).min(most));
             }
         }

@@ -178,7 +178,7 @@ fn every_parameter_is_checked_at_both_ends_of_its_range() {
 fn an_unknown_scenario_is_told_with_the_bundled_names() {
     let found = Scenario::load("tumbel").expect_err("unknown").to_string();
     assert!(
-        found.contains("tumble, tumble-quiet, somersault, static"),
+        found.contains("tumble, tumble-quiet, somersault, measured, static"),
         "{found}"
     );
     assert!(found.contains("did you mean 'tumble'?"), "{found}");

@@ -44,6 +44,10 @@ pub const SETTLING_CYCLES: u64 = (SETTLED_COUNT as u64 + 1) * TURN_PRESCALER;
 /// timers are started one after the other. Under the 218 cycles to the next strobe.
 pub const MOST_TURN_LAG_CYCLES: u64 = 32;
 
+/// Most CPU cycles from the end of a solution (its pin falls) to the first byte on the serial line: what
+/// encoding a frame takes, and the interrupts that come in between (2,400 measured).
+pub const MOST_SEND_LAG_CYCLES: u64 = 4000;
+
 /// CPU cycles between conversions. A conversion takes 13.5 ADC clocks (1728 cycles at 125 kHz) and
 /// 3 cycles of synchronisation, so the next compare match it can follow is four half periods on.
 pub const CONVERSION_CYCLES: u64 = 4 * HALF_CARRIER_CYCLES;

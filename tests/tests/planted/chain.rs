@@ -116,14 +116,10 @@ fn converter() -> Vec<Fault> {
             "converter: ",
             |c| c.code &= !7,
         ),
-        conversions(
-            "the converter's noise is trebled",
-            "converter: root mean square",
-            |c| {
-                let noise = if c.sequence / 4 % 2 == 0 { 2 } else { -2 };
-                c.code = c.code.saturating_add_signed(noise).min(1023);
-            },
-        ),
+        conversions("the converter's noise is trebled", "converter: ", |c| {
+            let noise = if c.sequence / 4 % 2 == 0 { 2 } else { -2 };
+            c.code = c.code.saturating_add_signed(noise).min(1023);
+        }),
         Fault::new(
             "each code is that of the channel before",
             Run::Tumble,
@@ -138,6 +134,13 @@ fn converter() -> Vec<Fault> {
     ]
 }
 
+/// Yaw, pitch and roll of the true attitude, in half turns, solution by solution.
+fn true_angles(collected: &mut Collected) -> &mut Vec<Vec<f64>> {
+    let angles = collected.stages.get_mut(&0).expect("the first stage");
+    assert_eq!(angles.len(), 3, "yaw, pitch, roll");
+    angles
+}
+
 fn truth() -> Vec<Fault> {
     vec![
         fault(
@@ -145,10 +148,8 @@ fn truth() -> Vec<Fault> {
             Run::Tumble,
             "truth: |error budget, latency",
             |c| {
-                let times: Vec<f64> = c.truths.iter().map(|truth| truth.time_s).collect();
-                c.truths.rotate_right(12);
-                for (truth, time_s) in c.truths.iter_mut().zip(times) {
-                    truth.time_s = time_s;
+                for angles in true_angles(c) {
+                    angles.rotate_right(12);
                 }
             },
         ),
@@ -157,8 +158,8 @@ fn truth() -> Vec<Fault> {
             Run::Tumble,
             "truth: largest difference of the output instants",
             |c| {
-                for truth in &mut c.truths {
-                    truth.time_s += 0.1;
+                for instant in &mut c.instants {
+                    instant.time_s += 0.1;
                 }
             },
         ),
@@ -167,8 +168,8 @@ fn truth() -> Vec<Fault> {
             Run::Tumble,
             "truth: largest difference of the output instants",
             |c| {
-                for truth in &mut c.truths {
-                    truth.time_s += 125e-6;
+                for instant in &mut c.instants {
+                    instant.time_s += 125e-6;
                 }
             },
         ),
@@ -177,9 +178,7 @@ fn truth() -> Vec<Fault> {
             Run::Tumble,
             "error budget, latency",
             |c| {
-                for truth in &mut c.truths {
-                    (truth.pitch_rad, truth.roll_rad) = (truth.roll_rad, truth.pitch_rad);
-                }
+                true_angles(c).swap(1, 2);
             },
         ),
         fault(
@@ -187,8 +186,8 @@ fn truth() -> Vec<Fault> {
             Run::Tumble,
             "error budget, latency",
             |c| {
-                for truth in &mut c.truths {
-                    truth.yaw_rad = -truth.yaw_rad;
+                for yaw in &mut true_angles(c)[0] {
+                    *yaw = -*yaw;
                 }
             },
         ),
@@ -197,14 +196,21 @@ fn truth() -> Vec<Fault> {
             Run::Tumble,
             "error budget, latency",
             |c| {
-                for truth in &mut c.truths {
-                    truth.yaw_rad += 0.009;
+                for yaw in &mut true_angles(c)[0] {
+                    *yaw += 0.5 / 180.0;
                 }
             },
         ),
-        fault("a truth too few", Run::Tumble, "attitudes: lengths", |c| {
-            c.truths.pop();
-        }),
+        fault(
+            "a truth too few",
+            Run::Tumble,
+            "values along the chain: lengths",
+            |c| {
+                for angles in true_angles(c) {
+                    angles.pop();
+                }
+            },
+        ),
     ]
 }
 
@@ -215,7 +221,7 @@ fn controller() -> Vec<Fault> {
             Run::Tumble,
             "controller: share of the time awake",
             |c| {
-                c.emulated_summary.sleeping_cycles = 0;
+                c.tail.emulated.sleeping_cycles = 0;
             },
         ),
         fault(
@@ -223,7 +229,7 @@ fn controller() -> Vec<Fault> {
             Run::Tumble,
             "controller: longest interrupt latency",
             |c| {
-                c.emulated_summary.isr_latency_max_cycles = 400;
+                c.tail.emulated.isr_latency_max_cycles = 400;
             },
         ),
         fault(
@@ -231,7 +237,7 @@ fn controller() -> Vec<Fault> {
             Run::Tumble,
             "controller: stack",
             |c| {
-                c.emulated_summary.stack_peak = 1600;
+                c.tail.emulated.stack_peak = 1600;
             },
         ),
         fault(
@@ -239,7 +245,7 @@ fn controller() -> Vec<Fault> {
             Run::Tumble,
             "timing: 1 conversion taken late",
             |c| {
-                c.emulated_summary.late_conversions = 1;
+                c.tail.emulated.late_conversions = 1;
             },
         ),
         fault(
@@ -247,7 +253,7 @@ fn controller() -> Vec<Fault> {
             Run::Tumble,
             "timing: 1 conversion lost",
             |c| {
-                c.emulated_summary.lost_conversions = 1;
+                c.tail.emulated.lost_conversions = 1;
             },
         ),
         fault(
@@ -255,7 +261,7 @@ fn controller() -> Vec<Fault> {
             Run::Tumble,
             "timing: 1 deadline missed",
             |c| {
-                c.emulated_summary.missed_deadlines = 1;
+                c.tail.emulated.missed_deadlines = 1;
             },
         ),
         fault(
@@ -263,15 +269,15 @@ fn controller() -> Vec<Fault> {
             Run::Tumble,
             "1 event off the design's schedule",
             |c| {
-                c.emulated_summary.mistimed = 1;
-                c.emulated_summary.first_mistimed = Some("a strobe edge".to_owned());
+                c.tail.emulated.mistimed = 1;
+                c.tail.emulated.first_mistimed = Some("a strobe edge".to_owned());
             },
         ),
         fault(
             "one message lost on the link",
             Run::Tumble,
             "link: 1 message lost",
-            |c| c.lost = 1,
+            |c| c.tail.lost = 1,
         ),
     ]
 }

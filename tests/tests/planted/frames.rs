@@ -220,9 +220,14 @@ pub(crate) fn faults() -> Vec<Fault> {
                 each(c, |frames| frames.insert(9, frames[9].clone()));
             },
         ),
-        fault("no frame at all", Run::Tumble, "frames: none", |c| {
-            each(c, Vec::clear);
-        }),
+        fault(
+            "no frame at all",
+            Run::Tumble,
+            "frames: none|device: ",
+            |c| {
+                each(c, Vec::clear);
+            },
+        ),
         fault(
             "DISTURBED never set",
             Run::Magnet,

@@ -8,18 +8,18 @@ use cardan_spec::nodes::SHARED;
 use crate::frames::edit;
 use crate::{Fault, Run, fault};
 
-fn node(name: &str) -> usize {
+pub(crate) fn node(name: &str) -> usize {
     let found = NODES.iter().position(|node| node.name == name);
     found.expect("a node of the firmware")
 }
 
-fn shared(name: &str) -> usize {
+pub(crate) fn shared(name: &str) -> usize {
     let found = SHARED.iter().position(|node| node.name == name);
     found.expect("a node of golden's")
 }
 
 /// A node's words, changed on host and chip.
-fn firmware(collected: &mut Collected, name: &str, change: impl Fn(usize, i64) -> i64) {
+pub(crate) fn firmware(collected: &mut Collected, name: &str, change: impl Fn(usize, i64) -> i64) {
     for streams in [&mut collected.native, &mut collected.emulated] {
         let words = streams.get_mut(&node(name)).expect("was written");
         for (index, word) in words.iter_mut().enumerate() {
@@ -176,7 +176,7 @@ fn chip_faults() -> Vec<Fault> {
         fault(
             "a frame that the chip does not send",
             Run::Tumble,
-            "frames: native and emulated differ",
+            "frames: native and emulated differ|device: gave",
             |c| {
                 c.emulated_frames.pop();
             },

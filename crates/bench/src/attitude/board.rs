@@ -7,7 +7,7 @@
 //! The firmware reads the comparator after the last conversion of a solution. That conversion, and what
 //! follows it, waits here for the reading, so that it can be published with what belongs to it.
 
-use cardan_emulator::{AnalogInput, Conversion as Converted, Environment, Pin};
+use cardan_emulator::{AnalogInput, Conversion as Converted, Environment, Pin, PortDrive};
 use cardan_frontend::{AdcErrors, Frontend, Pin as DrivenPin};
 use cardan_golden::{
     Angles, Attitude, EarthField, Readings, angles_of, code_of_tilt_z, codes_of, ideal_readings,
@@ -236,19 +236,38 @@ impl Board<'_> {
             .is_bridged(time_s - reach_s, time_s + reach_s);
         let attitude = self.trajectory.truth_at(time_s.max(0.0));
         let attitude = attitude.filter(|_| is_known);
-        let yaw_pitch_roll_rad = attitude.map(|m| {
+        let values = attitude.map(|m| {
             let Angles { yaw, pitch, roll } = angles_of(&m);
-            [yaw.radians(), pitch.radians(), roll.radians()]
+            vec![yaw.0, pitch.0, roll.0]
         });
         let result = self.sink.truth(&Truth {
+            cycle: done,
             time_s,
-            yaw_pitch_roll_rad,
+            values,
         });
         self.keep(result);
     }
 }
 
 impl Environment for Board<'_> {
+    fn clock_changed(&mut self, cycle: u64, hz: u64) {
+        self.state.schedule.clock(cycle, hz);
+    }
+
+    fn analog_driven(&mut self, cycle: u64, input: AnalogInput, by: PortDrive) {
+        let input = match input {
+            AnalogInput::Pin(channel) => format!("ADC{channel}"),
+            AnalogInput::Ain0 if !self.has_comparator => return,
+            other => format!("{other:?}"),
+        };
+        let by = match by {
+            PortDrive::Output(true) => "drives it high",
+            PortDrive::Output(false) => "drives it low",
+            PortDrive::PullUp => "pulls it up",
+        };
+        self.state.schedule.driven(cycle, &input, by);
+    }
+
     fn pin_edge(&mut self, cycle: u64, pin: Pin, level: bool) {
         let result = self.sink.pin(cycle, pin, level);
         self.keep(result);
@@ -258,6 +277,7 @@ impl Environment for Board<'_> {
             SELECT => DrivenPin::Select,
             SETTLED => DrivenPin::Settled,
             SOLVING if !level => {
+                self.state.schedule.solved(cycle);
                 // The deadline: done before the next block's conversions are complete.
                 if let Some(complete) = self.state.pending.pop_front() {
                     self.state.missed_deadlines +=

@@ -1,7 +1,8 @@
 //! Frames off the wire, as the golden side reads them, and what they carry.
 
+use super::tuning::rotation_error;
 use cardan_golden::frame::{Frame, FrameError, decode as decode_golden};
-use cardan_outputs::{Message, Outputs, Quantity, StatusBit};
+use cardan_outputs::{Combined, Group, Member, Message, Outputs, Quantity, Shown, StatusBit};
 use cardan_spec::frame::FRAC;
 use cardan_spec::nodes::{AVERAGE, PITCH, ROLL, SharedNode, YAW};
 use cardan_spec::timing::Averaging;
@@ -67,5 +68,35 @@ pub(super) fn outputs(averaging: Averaging) -> Outputs {
             })
             .collect(),
         sequence_modulus: 1 << 16,
+        group: Some(group()),
+    }
+}
+
+/// The attitude, which is followed along the chain.
+pub(super) fn group() -> Group {
+    let member = |node: &SharedNode| Member {
+        name: node.name.to_owned(),
+        node: node.name.to_owned(),
+        scale: 180.0,
+        period: Some(2.0),
+    };
+    Group {
+        key: "attitude".to_owned(),
+        title: "Attitude".to_owned(),
+        note: "Angles of set 1 (Z-Y-X); total is the angle of the rotation between two attitudes. \
+               Solutions that the firmware flags are shown and counted apart; models do not judge them."
+            .to_owned(),
+        member: "angle".to_owned(),
+        unit: Shown {
+            suffix: "deg".into(),
+            symbol: "°".into(),
+            words: "degrees".into(),
+        },
+        members: [&YAW, &PITCH, &ROLL].map(member).to_vec(),
+        combined: Some(Combined {
+            name: "total".to_owned(),
+            what: "rotation".to_owned(),
+            error: rotation_error,
+        }),
     }
 }

@@ -20,23 +20,23 @@ mod tuning;
 pub use datapath::AttitudeDatapath;
 pub use eeprom::nominal_eeprom;
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use cardan_datapath::{Format, Node, NodeInfo};
+use cardan_datapath::{Format, NodeInfo};
 use cardan_firmware::FORMATS_HASH;
 use cardan_firmware::calibration::Settings;
-use cardan_firmware::nodes::{NODES, Pitch, Roll, Yaw};
+use cardan_firmware::nodes::NODES;
 use cardan_numerics::Formats;
 use cardan_numerics::tape::Flow;
-use cardan_outputs::{Check, Message, Outputs};
+use cardan_outputs::{Is, Message, Outputs, Stage};
 use cardan_scenario::{Scenario, Trajectory};
 use cardan_spec::calibration::{Calibration, FRAC, WORDS};
 use cardan_spec::nodes::SHARED;
 use cardan_spec::timing::{Averaging, CPU_HZ};
 use cardan_tune::Problem;
-use cardan_units::AdcCode;
 
-use crate::app::{App, Configuration, Evidence, Feed, RecordedRun, RoundingSteps, Tolerance};
+use crate::app::{App, Checker, Configuration, Feed, Models, Party, RecordedRun, Tolerance};
 use crate::calibration::{CalibrateError, Calibrated, Request};
 use crate::engine::{Conversion, Device, Engine, ThirdTilt};
 use crate::image::{EepromImage, Firmware};
@@ -45,9 +45,66 @@ use crate::image::{EepromImage, Firmware};
 #[derive(Clone, Copy, Debug)]
 pub struct Attitude;
 
+/// From the true attitude to the device's.
+pub(crate) static STAGES: [Stage; 8] = [
+    Stage::new(Is::Truth, "truth", "", "Truth", ""),
+    Stage::new(
+        Is::Model,
+        "golden on ideal readings",
+        "latency",
+        "Latency and skew",
+        "sampling instants and delay",
+    ),
+    Stage::new(
+        Is::Model,
+        "golden on the true experience",
+        "motion",
+        "Motion and environment",
+        "acceleration, disturbed field: the method's own error",
+    ),
+    Stage::new(
+        Is::Model,
+        "golden on ideal voltages",
+        "sensor_frontend",
+        "Sensor and front end",
+        "physics, noise, filters",
+    ),
+    Stage::new(
+        Is::Golden,
+        "golden on codes",
+        "adc",
+        "ADC quantisation",
+        "ten bits",
+    ),
+    Stage::new(
+        Is::Real,
+        "real",
+        "algorithm",
+        "Algorithm",
+        "series and iterations, in f64",
+    ),
+    Stage::new(Is::Native, "native", "rounding", "Rounding", "word lengths"),
+    Stage::new(
+        Is::Emulated,
+        "emulated",
+        "compiled",
+        "Compiled code",
+        "must be zero",
+    ),
+];
+
 /// Images of the reference board, built from `firmware/boards/atmega328p`.
 const TAPPED: &[u8] = include_bytes!("../../../../firmware/boards/atmega328p/images/tapped.elf");
 const PLAIN: &[u8] = include_bytes!("../../../../firmware/boards/atmega328p/images/plain.elf");
+
+impl Attitude {
+    /// Attitude in half turns (yaw, pitch, roll) and status bits of a frame, if it is whole.
+    #[must_use]
+    pub fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)> {
+        let frame = frames::decode_frame(bytes).ok()?;
+        Some((frame.angles, frame.status))
+    }
+}
 
 /// Calibration values rounded to the words of the EEPROM image.
 #[must_use]
@@ -90,6 +147,8 @@ fn configuration_of(settings: &Settings, seconds: f64) -> Result<Configuration, 
         averaging_log2: settings.averaging.log2(),
         period_log2: settings.averaging.period_log2(),
         third_tilt: settings.third_tilt as u8,
+        shares: false,
+        request: BTreeMap::new(),
     })
 }
 
@@ -131,6 +190,20 @@ impl App for Attitude {
                 .unwrap_or(usize::MAX)
         };
         SHARED.iter().map(|shared| index(shared.name)).collect()
+    }
+
+    fn values_per_solution(&self, configuration: &Configuration) -> Result<Vec<usize>, String> {
+        let flow = datapath::flow(configuration)?;
+        let averaging = configuration.averaging();
+        let count = |(index, node): (usize, &NodeInfo)| {
+            let written = flow.position(index).map_or(0, |at| flow.writes[at].len());
+            let shared = SHARED.iter().find(|shared| shared.name == node.name);
+            match shared {
+                Some(shared) if written > 0 => shared.per_solution(averaging),
+                _ => written,
+            }
+        };
+        Ok(NODES.iter().enumerate().map(count).collect())
     }
 
     fn tolerances(&self) -> Vec<Tolerance> {
@@ -198,14 +271,9 @@ impl App for Attitude {
         &self,
         configuration: &Configuration,
         formats: Option<&[Format]>,
-        conversions: &[Conversion],
-    ) -> Result<Box<dyn RoundingSteps>, String> {
-        let input = |conversion: &Conversion| (AdcCode(conversion.code), sign(conversion));
-        Ok(Box::new(rounding::Steps::new(
-            formats_of(formats)?,
-            &settings_of(configuration),
-            conversions.iter().map(input).collect(),
-        )))
+    ) -> Result<Box<dyn Engine>, String> {
+        let (formats, settings) = (formats_of(formats)?, settings_of(configuration));
+        Ok(Box::new(rounding::Steps::new(&formats, &settings)))
     }
 
     fn golden(&self, configuration: &Configuration, feed: Feed) -> Box<dyn Engine> {
@@ -237,8 +305,25 @@ impl App for Attitude {
         )?))
     }
 
-    fn checks(&self, evidence: &Evidence<'_>) -> Result<Vec<Check>, String> {
-        checks::all(evidence)
+    fn checker(
+        &self,
+        scenario: &Scenario,
+        configuration: &Configuration,
+    ) -> Result<Box<dyn Checker>, String> {
+        Ok(Box::new(checks::Checks::new(scenario, configuration)?))
+    }
+
+    fn models(&self, configuration: &Configuration, party: Party) -> Models {
+        let feeds: &[(usize, Feed)] = match party {
+            Party::Emulated => &[(1, Feed::Direct), (2, Feed::Experienced)],
+            Party::Golden => &[(3, Feed::IdealVolts)],
+        };
+        let model = |&(stage, feed): &(usize, Feed)| (stage, self.golden(configuration, feed));
+        feeds.iter().map(model).collect()
+    }
+
+    fn stages(&self) -> &'static [Stage] {
+        &STAGES
     }
 
     fn outputs(&self, configuration: &Configuration) -> Outputs {
@@ -249,17 +334,8 @@ impl App for Attitude {
         frames::decode(bytes)
     }
 
-    fn decode_frame(&self, bytes: &[u8]) -> Option<([f64; 3], u16)> {
-        let frame = frames::decode_frame(bytes).ok()?;
-        Some((frame.angles, frame.status))
-    }
-
     fn problem(&self, tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Result<Problem, String> {
         tuning::problem(tuning, held_out)
-    }
-
-    fn attitude_nodes(&self) -> [usize; 3] {
-        [Yaw::INDEX, Pitch::INDEX, Roll::INDEX]
     }
 }
 

@@ -4,16 +4,16 @@
 //! Averaging is most of the work. Its nodes come first, so in all steps from the average on it gives
 //! the same words: it is done once for them.
 
-use cardan_datapath::{Node, Silent, Value};
+use cardan_datapath::{Node, Silent};
 use cardan_firmware::attitude::{State, solve};
 use cardan_firmware::averaging::{Averages, Decimator};
 use cardan_firmware::calibration::{Calibration, Settings};
-use cardan_firmware::nodes::{Accumulator, Average, Block, Mean, Sample};
-use cardan_numerics::{Formats, Mixed, Number};
-use cardan_spec::MOST_CHANNELS;
+use cardan_firmware::nodes::{Accumulator, Average, Block, Mean, NODE_COUNT, Sample};
+use cardan_numerics::{Formats, Mixed};
 use cardan_units::AdcCode;
 
-use crate::app::RoundingSteps;
+use super::{STAGES, sign};
+use crate::engine::{Conversion, Engine, EngineError, Sink};
 
 const _: () = {
     // What precedes the average is all that it depends on.
@@ -27,89 +27,102 @@ const _: () = {
 
 type Arithmetic = Mixed<Silent>;
 
-/// A conversion, and what a third tilt axis at the comparator tells with it.
-type Input = (AdcCode, i8);
-
-/// What a solution is computed from, whatever the formats behind the averaging.
-struct Averaged {
-    values: [Number; MOST_CHANNELS],
-    clipped: bool,
-    late: bool,
-    sign: i8,
+/// The averaging in one arithmetic.
+struct Averaging {
+    m: Arithmetic,
+    decimator: Decimator<Arithmetic>,
 }
 
-impl Averaged {
-    fn new(averages: &Averages<Arithmetic>, sign: i8) -> Self {
+impl Averaging {
+    fn new(formats: &Formats, settings: &Settings) -> Self {
+        let m = Mixed::new(formats, Silent);
+        let decimator = Decimator::new(&m, settings.averaging);
+        Self { m, decimator }
+    }
+}
+
+/// The solution in one arithmetic.
+struct Solution {
+    m: Arithmetic,
+    calibration: Calibration<Arithmetic>,
+    state: State<Arithmetic>,
+}
+
+impl Solution {
+    fn new(formats: &Formats, settings: &Settings) -> Self {
+        let m = Mixed::new(formats, Silent);
+        let calibration = Calibration::new(&m, &settings.words, settings.third_tilt);
+        let state = State::new(&m, settings.averaging);
         Self {
-            values: averages.values.map(Value::word),
-            clipped: averages.clipped,
-            late: averages.late,
-            sign,
+            m,
+            calibration,
+            state,
         }
     }
 
-    fn averages(&self) -> Averages<Arithmetic> {
-        Averages {
-            values: self.values.map(Value::new),
-            clipped: self.clipped,
-            late: self.late,
-        }
+    /// Yaw, pitch and roll in half turns.
+    fn solve(&mut self, averages: &Averages<Arithmetic>, sign: i8) -> [f64; 3] {
+        let angles = solve(&self.m, &self.calibration, &mut self.state, averages, sign);
+        [
+            angles.yaw.word().real,
+            angles.pitch.word().real,
+            angles.roll.word().real,
+        ]
     }
 }
 
-/// The steps of one run.
+/// All steps side by side: in the k-th the nodes up to the k-th are rounded.
 pub(super) struct Steps {
-    formats: Formats,
-    settings: Settings,
-    inputs: Vec<Input>,
-    /// With all of the averaging's nodes rounded.
-    averaged: Vec<Averaged>,
+    /// Steps in which nodes of the averaging are not rounded.
+    early: Vec<(Averaging, Solution)>,
+    /// The averaging of all others.
+    averaging: Averaging,
+    late: Vec<Solution>,
 }
 
 impl Steps {
-    pub(super) fn new(formats: Formats, settings: &Settings, inputs: Vec<Input>) -> Self {
-        let averaged = averaged(&formats, settings, &inputs);
+    pub(super) fn new(formats: &Formats, settings: &Settings) -> Self {
+        let of = |node: usize| formats.prefix(node + 1);
+        let early = (0..Average::INDEX).map(|node| {
+            let formats = of(node);
+            (
+                Averaging::new(&formats, settings),
+                Solution::new(&formats, settings),
+            )
+        });
+        let late = (Average::INDEX..NODE_COUNT).map(|node| Solution::new(&of(node), settings));
         Self {
-            formats,
-            settings: *settings,
-            inputs,
-            averaged,
+            early: early.collect(),
+            averaging: Averaging::new(formats, settings),
+            late: late.collect(),
         }
     }
 }
 
-fn averaged(formats: &Formats, settings: &Settings, inputs: &[Input]) -> Vec<Averaged> {
-    let m = Mixed::new(formats, Silent);
-    let mut decimator = Decimator::new(&m, settings.averaging);
-    let solutions = inputs.iter().filter_map(|&(code, sign)| {
-        let averages = decimator.push(&m, code)?;
-        Some(Averaged::new(&averages, sign))
-    });
-    solutions.collect()
-}
-
-impl RoundingSteps for Steps {
-    fn attitudes(&self, quantised: usize) -> [Vec<f64>; 3] {
-        let formats = self.formats.prefix(quantised);
-        let real;
-        let solutions = if quantised > Average::INDEX {
-            &self.averaged
-        } else {
-            real = averaged(&formats, &self.settings, &self.inputs);
-            &real
+impl Engine for Steps {
+    fn conversion(
+        &mut self,
+        conversion: &Conversion,
+        sink: &mut dyn Sink,
+    ) -> Result<(), EngineError> {
+        let (code, sign) = (AdcCode(conversion.code), sign(conversion));
+        let mut show = |node: usize, angles: [f64; 3]| {
+            for (member, angle) in angles.into_iter().enumerate() {
+                sink.stage(STAGES.len() + node, member, angle, conversion.cycle)?;
+            }
+            Ok::<_, EngineError>(())
         };
-        let m = Mixed::new(&formats, Silent);
-        let calibration = Calibration::new(&m, &self.settings.words, self.settings.third_tilt);
-        let mut state = State::new(&m, self.settings.averaging);
-        let mut attitudes = [const { Vec::new() }; 3];
-        for solution in solutions {
-            let averages = solution.averages();
-            let angles = solve(&m, &calibration, &mut state, &averages, solution.sign);
-            let angles = [angles.yaw.word(), angles.pitch.word(), angles.roll.word()];
-            for (values, angle) in attitudes.iter_mut().zip(angles) {
-                values.push(angle.real);
+        for (node, (averaging, solution)) in self.early.iter_mut().enumerate() {
+            if let Some(averages) = averaging.decimator.push(&averaging.m, code) {
+                show(node, solution.solve(&averages, sign))?;
             }
         }
-        attitudes
+        let Averaging { m, decimator } = &mut self.averaging;
+        if let Some(averages) = decimator.push(m, code) {
+            for (node, solution) in self.late.iter_mut().enumerate() {
+                show(Average::INDEX + node, solution.solve(&averages, sign))?;
+            }
+        }
+        Ok(())
     }
 }

@@ -1,9 +1,11 @@
 //! The design's schedule, by which the emulated pins, conversions and bytes are checked to the
 //! cycle: a wrong phase shows in no node, because native works on the codes that it caused.
 
+use std::collections::VecDeque;
+
 use cardan_spec::timing::{
-    ADC_HOLD_CYCLES, BYTE_CYCLES, CARRIER_COUNT, HALF_CARRIER_CYCLES, MOST_TURN_LAG_CYCLES,
-    SETTLING_CYCLES, STROBE_COUNT, TURN_CYCLES,
+    ADC_HOLD_CYCLES, BYTE_CYCLES, CARRIER_COUNT, CPU_HZ, HALF_CARRIER_CYCLES, MOST_SEND_LAG_CYCLES,
+    MOST_TURN_LAG_CYCLES, SETTLING_CYCLES, STROBE_COUNT, TURN_CYCLES,
 };
 
 /// The strobe follows the carrier by a quarter period: counts from CARRIER_COUNT's match, at which
@@ -22,6 +24,8 @@ pub(super) struct Schedule {
     /// Levels of select and settled.
     levels: [bool; 2],
     byte: Option<u64>,
+    /// Ends of solutions whose messages have not begun.
+    solved: VecDeque<u64>,
     violations: u64,
     first: Option<String>,
 }
@@ -98,14 +102,46 @@ impl Schedule {
         self.expect("hold instant", cycle, Some(expected.unwrap_or(0)));
     }
 
-    /// A byte left the serial line: a byte's time after its predecessor in the message.
+    /// A solution is computed: its message begins.
+    pub(super) fn solved(&mut self, cycle: u64) {
+        self.solved.push_back(cycle);
+    }
+
+    /// A byte has left the serial line at `cycle`: the first one of a message soon after its solution was
+    /// computed, the others a byte's time after their predecessors.
     pub(super) fn byte(&mut self, cycle: u64, first: bool) {
         let last = self.byte.replace(cycle);
-        self.expect(
-            "serial byte",
-            cycle,
-            last.filter(|_| !first).map(|last| last + BYTE_CYCLES),
-        );
+        if !first {
+            return self.expect("serial byte", cycle, last.map(|last| last + BYTE_CYCLES));
+        }
+        match self.solved.pop_front() {
+            None => self.violate(format!(
+                "message up to cycle {cycle} before its solution was computed"
+            )),
+            Some(solved) => {
+                let due = solved + MOST_SEND_LAG_CYCLES + BYTE_CYCLES;
+                if cycle > due {
+                    self.violate(format!(
+                        "first byte of a message at cycle {cycle}, due at most at {due}: its solution was \
+                         computed at {solved}"
+                    ));
+                }
+            }
+        }
+    }
+
+    /// The processor's clock changes: nothing in the design asks for that.
+    pub(super) fn clock(&mut self, cycle: u64, hz: u64) {
+        self.violate(format!(
+            "the processor's clock changes to {hz} Hz at cycle {cycle}, due: {CPU_HZ} Hz throughout"
+        ));
+    }
+
+    /// A port drives, or pulls up, an analog input.
+    pub(super) fn driven(&mut self, cycle: u64, input: &str, by: &str) {
+        self.violate(format!(
+            "{input} sampled at cycle {cycle} while its port {by}, due: an input"
+        ));
     }
 
     /// How often the device left the schedule.

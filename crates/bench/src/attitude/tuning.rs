@@ -50,7 +50,7 @@ pub(super) fn problem(tuning: &[RecordedRun], held_out: &[RecordedRun]) -> Resul
 }
 
 /// The angle of the rotation between two attitudes, in degrees: the total error of a comparison.
-fn rotation_error(values: &[f64], references: &[f64]) -> f64 {
+pub(super) fn rotation_error(values: &[f64], references: &[f64]) -> f64 {
     let angles = |all: &[f64]| Angles {
         yaw: HalfTurns(all[0]),
         pitch: HalfTurns(all[1]),
@@ -143,15 +143,12 @@ fn golden_angles(run: &RecordedRun) -> Result<Vec<Vec<f64>>, String> {
 
 /// Per angle, per solution; empty without any reference.
 fn true_angles(truths: &[Truth], solutions: usize) -> Vec<Vec<f64>> {
-    let known = |truth: &Truth| truth.yaw_pitch_roll_rad.is_some();
+    let known = |truth: &Truth| truth.values.is_some();
     if truths.len() < solutions || !truths.iter().any(known) {
         return Vec::new();
     }
     let angle = |at: usize| {
-        let value = |truth: &Truth| {
-            let angles = truth.yaw_pitch_roll_rad;
-            angles.map_or(f64::NAN, |angles| HalfTurns::from_radians(angles[at]).0)
-        };
+        let value = |truth: &Truth| truth.values.as_ref().map_or(f64::NAN, |angles| angles[at]);
         truths[..solutions].iter().map(value).collect()
     };
     (0..OUTPUTS.len()).map(angle).collect()

@@ -1,6 +1,8 @@
 //! Engines of the attitude sensor run by themselves, and all that they show.
 #![allow(dead_code, reason = "each test program uses a part")]
 
+use std::collections::BTreeMap;
+
 use cardan_bench::app::Configuration;
 use cardan_bench::attitude::Attitude;
 use cardan_bench::image::Firmware;
@@ -15,6 +17,8 @@ pub(crate) struct Recorder {
     pub(crate) reals: Vec<Vec<f64>>,
     pub(crate) frames: Vec<Vec<u8>>,
     pub(crate) truths: Vec<Truth>,
+    /// By stage and member.
+    pub(crate) stages: BTreeMap<(usize, usize), Vec<f64>>,
 }
 
 fn push<T>(streams: &mut Vec<Vec<T>>, node: usize, value: T) {
@@ -41,8 +45,13 @@ impl Sink for Recorder {
         self.frames.push(bytes.to_vec());
         Ok(())
     }
+    fn stage(&mut self, stage: usize, member: usize, value: f64, _: u64) -> Result<(), SinkError> {
+        let values = self.stages.entry((stage, member)).or_default();
+        values.push(value);
+        Ok(())
+    }
     fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
-        self.truths.push(*truth);
+        self.truths.push(truth.clone());
         Ok(())
     }
 }

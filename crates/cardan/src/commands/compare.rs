@@ -7,9 +7,10 @@ use std::process::{Command, ExitCode, Stdio};
 use std::thread;
 use std::time::Duration;
 
+use cardan_compare::Report;
 use cardan_link::{
-    Ending, Finished, Participant, Role, STALL_TIMEOUT, SessionId, Supervisor, SupervisorError,
-    Transport,
+    Ending, Finished, Participant, Role, STALL_TIMEOUT, Session, SessionId, Supervisor,
+    SupervisorError, Transport,
 };
 use cardan_scenario::print_scenario;
 use clap::Args;
@@ -19,7 +20,7 @@ use super::explain;
 use crate::arguments::Arguments;
 use crate::dump;
 use crate::failure::{Done, Failure, code};
-use crate::judge;
+use crate::judge::{Names, Wanted};
 use crate::output::{Output, to_standard_output};
 use crate::participants::{Patience, diff, emulated, golden, join, native};
 use crate::run_options::{RunOptions, Setup};
@@ -224,30 +225,49 @@ fn in_threads(
     session: SessionId,
     output: Output,
 ) -> Done {
-    let collected = collected(setup, &session, plan, args.patience)?;
-    let shown = args.session.as_deref().unwrap_or(AUTOMATIC);
-    let command = verdict::command_line(&args.run);
-    let comparison = judge::comparison(setup, &collected, shown, command)?;
-    let dump = plan.map(|plan| (plan, setup.app));
-    verdict::publish(&comparison, &collected, &args.extras, dump, output)
+    let names = Names {
+        session: args.session.as_deref().unwrap_or(AUTOMATIC),
+        command: &verdict::command_line(&args.run),
+    };
+    let wanted = Wanted {
+        dump: plan,
+        plots: args.extras.report.is_some(),
+    };
+    let signals = plan.map(dump::Plan::signals).unwrap_or_default();
+    let outcome = threads(setup, &session, signals, args.patience, |session| {
+        diff::judge(session, setup, names, &wanted)
+    })?;
+    verdict::publish(outcome, &args.extras, output)
 }
 
-/// The comparison of a run in this process, for other commands.
-pub(crate) fn comparison(run: &RunOptions) -> Result<cardan_compare::Comparison, Failure> {
+/// The verdict of a run in this process, for other commands.
+pub(crate) fn report(run: &RunOptions) -> Result<Report, Failure> {
     let setup = run.resolve()?;
-    let collected = collected(&setup, &SessionId::fresh(), None, PATIENCE)?;
-    judge::comparison(&setup, &collected, AUTOMATIC, verdict::command_line(run))
+    let names = Names {
+        session: AUTOMATIC,
+        command: &verdict::command_line(run),
+    };
+    let outcome = threads(&setup, &SessionId::fresh(), &[], PATIENCE, |session| {
+        diff::judge(session, &setup, names, &Wanted::default())
+    })?;
+    Ok(outcome.report)
 }
 
-/// Runs all participants as threads.
-pub(crate) fn collected(
+/// Everything that a run publishes.
+pub(crate) fn collected(setup: &Setup) -> Result<diff::Collected, Failure> {
+    threads(setup, &SessionId::fresh(), &[], PATIENCE, |session| {
+        diff::collect(session, setup)
+    })
+}
+
+/// Runs all participants as threads; `judge` is the last of them.
+fn threads<T>(
     setup: &Setup,
     session: &SessionId,
-    plan: Option<&dump::Plan>,
+    signals: &[dump::Signal],
     patience: Patience,
-) -> Result<diff::Collected, Failure> {
-    let signals = plan.map(dump::Plan::signals).unwrap_or_default();
-    let timed = plan.map(dump::Plan::nodes).unwrap_or_default();
+    judge: impl FnOnce(Session) -> Result<T, Failure>,
+) -> Result<T, Failure> {
     let join = |role: Role| {
         join(
             role,
@@ -262,7 +282,7 @@ pub(crate) fn collected(
         let native =
             scope.spawn(|| native::run(join(Role::Native)?, setup.app, setup.formats.as_deref()));
         let golden = scope.spawn(|| golden::run(join(Role::Golden)?, setup.app));
-        let collected = join(Role::Diff).and_then(|session| diff::collect(session, &timed));
+        let judged = join(Role::Diff).and_then(judge);
         for (name, thread) in [
             ("emulated", emulated),
             ("native", native),
@@ -277,6 +297,6 @@ pub(crate) fn collected(
                 }
             }
         }
-        collected
+        judged
     })
 }

@@ -70,6 +70,8 @@ struct Link {
 struct Flows {
     own: Flow,
     measured: Flow,
+    /// Nodes that hold what is followed along the chain.
+    outputs: Vec<String>,
 }
 
 pub(crate) fn execute(node: &str, run: &RunOptions, output: Output) -> Done {
@@ -130,9 +132,12 @@ fn prepared(run: &RunOptions) -> Result<(&'static dyn App, Vec<NodeInfo>, Flows)
         ..own.clone()
     };
     let flow = |configuration: &Configuration| app.flow(configuration).map_err(Failure::input);
+    let members = app.outputs(&own).group.map(|group| group.members);
+    let outputs = members.into_iter().flatten().map(|member| member.node);
     let flows = Flows {
         own: flow(&own)?,
         measured: flow(&measured)?,
+        outputs: outputs.collect(),
     };
     Ok((app, nodes, flows))
 }
@@ -285,7 +290,7 @@ pub(crate) fn write_documents(folder: &Path, run: &RunOptions, output: Output) -
         "--explain-docs",
         folder,
         "nodes.svg",
-        drawing(app, &nodes, &flows.own),
+        drawing(&nodes, &flows),
     )?;
     output.note(&format!("written: {}", folder.display()));
     Ok(ExitCode::SUCCESS)
@@ -331,8 +336,8 @@ fn markdown(app: &dyn App, nodes: &[NodeInfo], flows: &Flows) -> String {
     out
 }
 
-fn drawing(app: &dyn App, nodes: &[NodeInfo], own: &Flow) -> String {
-    let outputs = app.attitude_nodes();
+fn drawing(nodes: &[NodeInfo], flows: &Flows) -> String {
+    let Flows { own, outputs, .. } = flows;
     let drawn: Vec<flow::Node> = own
         .order
         .iter()
@@ -346,7 +351,7 @@ fn drawing(app: &dyn App, nodes: &[NodeInfo], own: &Flow) -> String {
                 detail: flow::detail(operations, &format!("{integer}.{}", info.format.frac)),
                 meaning: info.meaning.to_owned(),
                 class: match () {
-                    () if outputs.contains(&index) => "output",
+                    () if outputs.iter().any(|output| output == info.name) => "output",
                     () if own.inputs.contains(&index) => "input",
                     () if only("setting") || only("constant") => "setting",
                     () => "",

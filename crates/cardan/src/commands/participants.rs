@@ -8,7 +8,7 @@ use clap::Args;
 
 use crate::dump;
 use crate::failure::{Done, Failure};
-use crate::judge;
+use crate::judge::{Names, Wanted};
 use crate::output::Output;
 use crate::participants::{JoinOptions, diff, emulated, golden, native};
 use crate::run_options::RunOptions;
@@ -121,12 +121,15 @@ pub(crate) fn diff(args: &DiffArgs, output: Output) -> Done {
     args.extras.files(&args.run).check()?;
     let setup = args.run.resolve()?;
     let plan = args.extras.dump.plan(setup.app)?;
-    let timed = plan.as_ref().map(dump::Plan::nodes).unwrap_or_default();
     let session = args.join.join(Role::Diff, setup.formats_hash)?;
-    let collected = diff::collect(session, &timed)?;
-    let name = args.report_session.as_deref().unwrap_or(&args.join.session);
-    let command = verdict::command_line(&args.run);
-    let comparison = judge::comparison(&setup, &collected, name, command)?;
-    let dump = plan.as_ref().map(|plan| (plan, setup.app));
-    verdict::publish(&comparison, &collected, &args.extras, dump, output)
+    let names = Names {
+        session: args.report_session.as_deref().unwrap_or(&args.join.session),
+        command: &verdict::command_line(&args.run),
+    };
+    let wanted = Wanted {
+        dump: plan.as_ref(),
+        plots: args.extras.report.is_some(),
+    };
+    let outcome = diff::judge(session, &setup, names, &wanted)?;
+    verdict::publish(outcome, &args.extras, output)
 }

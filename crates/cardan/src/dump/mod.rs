@@ -15,9 +15,12 @@ use cardan_compare::Comparison;
 use clap::Args;
 
 use crate::failure::Failure;
-use crate::files::write_whole;
+use crate::files::unwritten;
 use crate::participants::diff::Collected;
 
+use self::series::Series;
+use self::solutions::Solutions;
+use self::table::Table;
 pub(crate) use signal::{Signal, Stage};
 
 /// What is to be written.
@@ -36,7 +39,7 @@ pub(crate) struct DumpOptions {
 
 /// Kind of file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Kind {
+enum Format {
     Csv,
     Npy,
 }
@@ -45,7 +48,7 @@ enum Kind {
 #[derive(Debug)]
 pub(crate) struct Plan {
     file: PathBuf,
-    kind: Kind,
+    format: Format,
     signals: Vec<Signal>,
 }
 
@@ -71,12 +74,12 @@ impl DumpOptions {
         let extension = file
             .extension()
             .map(|extension| extension.to_ascii_lowercase());
-        let kind = match extension
+        let format = match extension
             .as_deref()
             .and_then(|extension| extension.to_str())
         {
-            Some("csv") => Kind::Csv,
-            Some("npy") => Kind::Npy,
+            Some("csv") => Format::Csv,
+            Some("npy") => Format::Npy,
             _ => {
                 return Err(Failure::input(format!(
                     "--dump {}: expected a name that ends in .csv (text) or .npy (NumPy)",
@@ -86,7 +89,7 @@ impl DumpOptions {
         };
         Ok(Some(Plan {
             file: file.clone(),
-            kind,
+            format,
             signals: signals(&self.dump_signal, app)?,
         }))
     }
@@ -111,42 +114,93 @@ pub(crate) fn signals(names: &[String], app: &dyn App) -> Result<Vec<Signal>, Fa
 }
 
 impl Plan {
-    /// Where it goes.
-    pub(crate) fn file(&self) -> &Path {
-        &self.file
-    }
-
     /// What is asked for.
     pub(crate) fn signals(&self) -> &[Signal] {
         &self.signals
     }
 
-    /// Nodes among them.
+    /// Begins to write the values of the run that `facts` tell of.
+    ///
+    /// # Errors
+    /// A node that takes no value in it, a file that cannot be written.
+    pub(crate) fn begin(
+        &self,
+        app: &'static dyn App,
+        facts: &Comparison,
+    ) -> Result<Writer, Failure> {
+        let columns = match self.signals.is_empty() {
+            true => solutions::columns(facts),
+            false => series::columns(&self.signals, app, facts)?,
+        };
+        let table = Table::begin(&self.file, self.format, columns)
+            .map_err(|error| unwritten("--dump", &self.file, &error))?;
+        let rows = match self.signals.is_empty() {
+            true => Rows::Solutions(Solutions::default()),
+            false => Rows::Series(Series::new(&self.signals, app, facts, table.width())?),
+        };
+        Ok(Writer {
+            file: self.file.clone(),
+            table,
+            rows,
+        })
+    }
+}
+
+/// A dump being written, window by window.
+#[derive(Debug)]
+pub(crate) struct Writer {
+    file: PathBuf,
+    table: Table,
+    rows: Rows,
+}
+
+/// What the rows are of.
+#[derive(Debug)]
+enum Rows {
+    Solutions(Solutions),
+    Series(Series),
+}
+
+impl Writer {
+    /// Nodes whose cycles are wanted.
     pub(crate) fn nodes(&self) -> Vec<usize> {
-        let nodes = self.signals.iter().filter_map(|signal| match signal {
-            Signal::Node(node) => Some(*node),
-            _ => None,
-        });
-        nodes.collect()
+        match &self.rows {
+            Rows::Solutions(_) => Vec::new(),
+            Rows::Series(series) => series.nodes(),
+        }
     }
 
-    /// Writes the file.
+    /// Adds a window.
+    ///
+    /// # Errors
+    /// A disk that takes no more.
+    pub(crate) fn add(
+        &mut self,
+        window: &Comparison,
+        collected: &Collected,
+    ) -> Result<(), Failure> {
+        let table = &mut self.table;
+        let written = match &mut self.rows {
+            Rows::Solutions(solutions) => solutions.add(window, collected, table),
+            Rows::Series(series) => series.add(window, collected, table),
+        };
+        written.map_err(|error| unwritten("--dump", &self.file, &error))
+    }
+
+    /// Puts the file in its place.
     ///
     /// # Errors
     /// A signal that nobody published, a file that cannot be written.
-    pub(crate) fn write(
-        &self,
-        app: &dyn App,
-        comparison: &Comparison,
-        collected: &Collected,
-    ) -> Result<(), Failure> {
-        let table = match self.signals.is_empty() {
-            true => solutions::table(comparison, collected),
-            false => series::table(&self.signals, app, comparison, collected)?,
+    pub(crate) fn finish(mut self) -> Result<(), Failure> {
+        let written = match &mut self.rows {
+            Rows::Solutions(_) => Ok(()),
+            Rows::Series(series) => {
+                series.check()?;
+                series.flush(u64::MAX, &mut self.table)
+            }
         };
-        match self.kind {
-            Kind::Csv => write_whole("--dump", &self.file, table.csv()),
-            Kind::Npy => write_whole("--dump", &self.file, table.npy()),
-        }
+        written
+            .and_then(|()| self.table.finish(&self.file))
+            .map_err(|error| unwritten("--dump", &self.file, &error))
     }
 }

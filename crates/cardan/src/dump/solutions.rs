@@ -1,51 +1,73 @@
 //! One row per solution: time, truth, status, and for each node that takes one value per solution
 //! native's, golden's and the real interpretation's value and the emulated raw word.
 
-use cardan_compare::{Comparison, Node};
+use std::io;
 
-use super::table::{Cell, Kind, Table};
+use cardan_compare::{Comparison, Node};
+use cardan_outputs::Is;
+
+use super::table::{Cell, Columns, Kind, Table};
 use crate::participants::diff::Collected;
 
-/// The table of a comparison.
-pub(super) fn table(comparison: &Comparison, collected: &Collected) -> Table {
-    let nodes: Vec<&Node> = comparison
+/// The rows, of which so many are written.
+#[derive(Debug, Default)]
+pub(super) struct Solutions(u64);
+
+/// Nodes that take one value per solution.
+fn nodes(comparison: &Comparison) -> impl Iterator<Item = &Node> {
+    comparison
         .nodes
         .iter()
         .filter(|node| node.per_solution == 1)
-        .collect();
-    let mut table = Table::default();
-    for (name, kind) in [
+}
+
+/// The columns of a run.
+pub(super) fn columns(facts: &Comparison) -> Columns {
+    let fixed = [
         ("solution", Kind::Whole),
         ("t_s", Kind::Real),
         ("flags", Kind::Whole),
-        ("truth_yaw_deg", Kind::Real),
-        ("truth_pitch_deg", Kind::Real),
-        ("truth_roll_deg", Kind::Real),
-    ] {
-        table.column(name, kind);
-    }
-    for node in &nodes {
-        for column in node_columns(&node.name) {
-            table.column(&column, Kind::Real);
+    ];
+    let fixed = fixed.map(|(name, kind)| (name.to_owned(), kind));
+    let truth = facts.outputs.group.iter().flat_map(|group| {
+        let suffix = &group.unit.suffix;
+        let members = group.members.iter();
+        members.map(move |member| (format!("truth_{}_{suffix}", member.name), Kind::Real))
+    });
+    let of_nodes = nodes(facts).flat_map(|node| node_columns(&node.name));
+    let of_nodes = of_nodes.map(|name| (name, Kind::Real));
+    fixed.into_iter().chain(truth).chain(of_nodes).collect()
+}
+
+impl Solutions {
+    pub(super) fn add(
+        &mut self,
+        window: &Comparison,
+        collected: &Collected,
+        table: &mut Table,
+    ) -> io::Result<()> {
+        for (at, flags) in window.flags.iter().enumerate() {
+            let instant = collected.instants.get(at);
+            let mut row = vec![
+                Cell::Whole(self.0),
+                Cell::real(instant.map(|instant| instant.time_s)),
+                Cell::Whole((*flags).into()),
+            ];
+            let truth = window
+                .chain
+                .values(Is::Truth)
+                .and_then(|truth| truth.at(at));
+            let members = window.outputs.group.iter().flat_map(|group| &group.members);
+            for (place, member) in members.enumerate() {
+                let value = truth.map(|values| member.scale * values[place]);
+                row.push(Cell::real(value));
+            }
+            row.extend(nodes(window).flat_map(|node| node_cells(node, at)));
+            table.row(&row)?;
+            self.0 += 1;
         }
+        Ok(())
     }
-    for (solution, flags) in comparison.flags.iter().enumerate() {
-        let truth = collected.truths.get(solution);
-        let degrees = |radians: Option<f64>| Cell::real(radians.map(f64::to_degrees));
-        let mut row = vec![
-            Cell::Whole(solution as u64),
-            Cell::real(truth.map(|truth| truth.time_s)),
-            Cell::Whole((*flags).into()),
-            degrees(truth.map(|truth| truth.yaw_rad)),
-            degrees(truth.map(|truth| truth.pitch_rad)),
-            degrees(truth.map(|truth| truth.roll_rad)),
-        ];
-        for node in &nodes {
-            row.extend(node_cells(node, solution));
-        }
-        table.rows.push(row);
-    }
-    table
 }
 
 /// Columns of a node.

@@ -1,6 +1,12 @@
-//! A table, as CSV and as a structured NumPy array.
+//! A table, as CSV and as a structured NumPy array. Its rows wait in a file without a name, which is gone when
+//! this process is; so they take no memory, and nothing is left of a run that does not end.
 
-use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Seek as _, SeekFrom, Write as _};
+use std::path::Path;
+
+use super::Format;
+use crate::files::Whole;
 
 /// What a column holds.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -29,11 +35,16 @@ impl Cell {
     pub(super) const EMPTY: Self = Self::Real(f64::NAN);
 }
 
+/// Columns of a table.
+pub(super) type Columns = Vec<(String, Kind)>;
+
 /// Rows of as many cells as there are columns.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Table {
-    columns: Vec<(String, Kind)>,
-    pub(super) rows: Vec<Vec<Cell>>,
+    columns: Columns,
+    format: Format,
+    rows: BufWriter<File>,
+    count: u64,
 }
 
 /// First bytes of a `.npy` file: magic and version 1.0 (NumPy, `numpy.lib.format`).
@@ -44,9 +55,19 @@ const MAGIC_2: &[u8; 8] = b"\x93NUMPY\x02\x00";
 const ALIGNMENT: usize = 64;
 
 impl Table {
-    /// Adds a column on the right.
-    pub(super) fn column(&mut self, name: &str, kind: Kind) {
-        self.columns.push((name.to_owned(), kind));
+    /// A table without rows, which is to become `file`.
+    pub(super) fn begin(file: &Path, format: Format, columns: Columns) -> io::Result<Self> {
+        let folder = Whole::folder_of(file);
+        let rows = match folder {
+            Some(folder) => tempfile::tempfile_in(folder)?,
+            None => tempfile::tempfile()?,
+        };
+        Ok(Self {
+            columns,
+            format,
+            rows: BufWriter::new(rows),
+            count: 0,
+        })
     }
 
     /// Number of columns.
@@ -54,51 +75,66 @@ impl Table {
         self.columns.len()
     }
 
-    /// Comma separated, with a header row. What is empty or not finite is an empty cell.
-    pub(super) fn csv(&self) -> Vec<u8> {
-        let names: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();
-        let mut text = names.join(",");
-        text.push('\n');
-        for row in &self.rows {
-            for (index, cell) in row.iter().enumerate() {
-                if index > 0 {
-                    text.push(',');
-                }
-                // Writing to a string cannot fail.
-                let _ = match *cell {
-                    Cell::Whole(value) => write!(text, "{value}"),
-                    Cell::Real(value) if value.is_finite() => write!(text, "{value}"),
-                    Cell::Real(_) => Ok(()),
+    /// Adds a row. What is empty or not finite is an empty cell in text.
+    pub(super) fn row(&mut self, cells: &[Cell]) -> io::Result<()> {
+        self.count += 1;
+        if self.format == Format::Npy {
+            for cell in cells {
+                let bytes = match *cell {
+                    Cell::Whole(value) => value.to_le_bytes(),
+                    Cell::Real(value) => value.to_le_bytes(),
                 };
+                self.rows.write_all(&bytes)?;
             }
-            text.push('\n');
+            return Ok(());
         }
-        text.into_bytes()
+        for (index, cell) in cells.iter().enumerate() {
+            if index > 0 {
+                self.rows.write_all(b",")?;
+            }
+            match *cell {
+                Cell::Whole(value) => write!(self.rows, "{value}")?,
+                Cell::Real(value) if value.is_finite() => write!(self.rows, "{value}")?,
+                Cell::Real(_) => {}
+            }
+        }
+        self.rows.write_all(b"\n")
     }
 
-    /// A one-dimensional structured array, a field per column: whole numbers as unsigned 64 bits,
-    /// others as floats of 64 bits, NaN where a cell is empty; little-endian.
-    pub(super) fn npy(&self) -> Vec<u8> {
-        let mut fields = String::new();
-        for (name, kind) in &self.columns {
+    /// Puts the table in its place.
+    pub(super) fn finish(self, file: &Path) -> io::Result<()> {
+        let head = self.head();
+        let mut rows = self
+            .rows
+            .into_inner()
+            .map_err(io::IntoInnerError::into_error)?;
+        rows.seek(SeekFrom::Start(0))?;
+        let mut whole = Whole::create(file)?;
+        whole.write_all(&head)?;
+        io::copy(&mut BufReader::new(rows), &mut whole)?;
+        whole.commit()
+    }
+
+    /// What stands before the rows: names separated by commas; or of a one-dimensional structured array a field
+    /// per column, whole numbers as unsigned 64 bits, others as floats of 64 bits, NaN where a cell is empty,
+    /// little-endian.
+    fn head(&self) -> Vec<u8> {
+        if self.format == Format::Csv {
+            let names: Vec<&str> = self.columns.iter().map(|(name, _)| name.as_str()).collect();
+            return (names.join(",") + "\n").into_bytes();
+        }
+        let fields = self.columns.iter().map(|(name, kind)| {
             let kind = match kind {
                 Kind::Whole => "<u8",
                 Kind::Real => "<f8",
             };
-            let _ = write!(fields, "('{name}', '{kind}'), ");
-        }
-        let rows = self.rows.len();
+            format!("('{name}', '{kind}'), ")
+        });
+        let fields: String = fields.collect();
+        let rows = self.count;
         let dictionary =
             format!("{{'descr': [{fields}], 'fortran_order': False, 'shape': ({rows},), }}");
-        let mut bytes = header(&dictionary);
-        bytes.reserve(rows * self.width() * 8);
-        for cell in self.rows.iter().flatten() {
-            bytes.extend(match *cell {
-                Cell::Whole(value) => value.to_le_bytes(),
-                Cell::Real(value) => value.to_le_bytes(),
-            });
-        }
-        bytes
+        header(&dictionary)
     }
 }
 

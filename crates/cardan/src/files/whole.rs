@@ -54,6 +54,11 @@ impl Whole {
         Ok(Self(Target::Beside { part, file }))
     }
 
+    /// The folder in which a file comes to be; none for what is written directly.
+    pub(crate) fn folder_of(file: &Path) -> Option<PathBuf> {
+        (!is_direct(file)).then(|| folder(&destination(file)).to_owned())
+    }
+
     /// Puts the file in its place. What a disk refuses only now is an error too.
     ///
     /// # Errors

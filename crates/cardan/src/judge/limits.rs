@@ -69,13 +69,13 @@ pub(super) fn tuned_to(tuned: &Tuned) -> TunedTo {
             .and_then(|(measure, limit)| Some((measure.trim(), limit.trim().parse::<f64>().ok()?)));
         match parsed {
             Some(("flags", limit)) => to.most_status = limit,
-            Some((measure, most_deg)) if !measure.starts_with("truth.") => {
+            Some((measure, most)) if !measure.starts_with("truth.") => {
                 match measure.split_once('.') {
                     Some((subject, statistic)) => to.errors.push(TunedError {
                         text: text.clone(),
                         subject: subject.to_owned(),
                         statistic: statistic.to_owned(),
-                        most_deg,
+                        most,
                     }),
                     None => to.unjudged.push(text.clone()),
                 }

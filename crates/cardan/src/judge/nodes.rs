@@ -1,41 +1,32 @@
-//! Each node with all that was published of it.
+//! Each node with what holds for the whole run.
 
+use cardan_bench::app::Configuration;
 use cardan_compare::{Format, Node, NodeInput};
 use cardan_datapath::NodeInfo;
 use cardan_numerics::tape::Flow;
-use cardan_spec::nodes::SHARED;
 
 use super::limits::{allowance, set_tolerance, tuned_tolerance};
 use crate::failure::Failure;
-use crate::participants::diff::Collected;
 use crate::run_options::Setup;
 
-pub(super) fn nodes(
+/// Every node that takes values with these settings, without the values; and which of the application's it is.
+pub(super) fn facts(
     setup: &Setup,
-    collected: &Collected,
-    solutions: usize,
-) -> Result<Vec<Node>, Failure> {
+    configuration: &Configuration,
+) -> Result<(Vec<Node>, Vec<usize>), Failure> {
     let app = setup.app;
-    let flow = app.flow(&collected.configuration).map_err(Failure::input)?;
-    let averaging = collected.configuration.averaging();
+    let flow = app.flow(configuration).map_err(Failure::input)?;
+    let per_solution = app
+        .values_per_solution(configuration)
+        .map_err(Failure::input)?;
     let bundled = app.tolerances();
-    let golden_of = |node: usize| {
-        let shared = app.golden_nodes().iter().position(|&index| index == node)?;
-        collected.golden.get(&shared).cloned()
-    };
-    let listed = |(index, info): (usize, &NodeInfo)| {
-        let native = collected.native.get(&index)?.clone();
+    let golden_nodes = app.golden_nodes();
+    let facts = |(index, info): (usize, &NodeInfo)| {
         let format = setup
             .formats
             .as_ref()
             .map_or(info.format, |formats| formats[index]);
-        let per_solution = SHARED
-            .iter()
-            .find(|shared| shared.name == info.name)
-            .map_or(native.len() / solutions.max(1), |shared| {
-                shared.per_solution(averaging)
-            });
-        Some(Node {
+        Node {
             name: info.name.to_owned(),
             unit: info.unit.to_owned(),
             meaning: info.meaning.to_owned(),
@@ -46,7 +37,7 @@ pub(super) fn nodes(
                 .position(index)
                 .map(|at| flow.writes[at].clone())
                 .unwrap_or_default(),
-            per_solution,
+            per_solution: per_solution[index],
             format: Some(Format {
                 word: format.word,
                 frac: format.frac as i32,
@@ -54,26 +45,21 @@ pub(super) fn nodes(
                 overflow: format.overflow.name().to_owned(),
             }),
             lsb: format.lsb(),
-            native,
-            emulated: setup
-                .firmware
-                .taps
-                .map(|_| collected.emulated.get(&index).cloned().unwrap_or_default()),
-            real: collected.real.get(&index).cloned(),
-            expected: collected.expected.get(&index).cloned(),
-            golden: golden_of(index),
-            overflows: collected
-                .native_summary
-                .overflows
-                .get(index)
-                .copied()
-                .unwrap_or(0),
+            native: Vec::new(),
+            emulated: setup.firmware.taps.map(|_| Vec::new()),
+            real: Some(Vec::new()),
+            expected: Some(Vec::new()),
+            golden: golden_nodes.contains(&index).then(Vec::new),
+            overflows: 0,
             tolerance: set_tolerance(setup, info.name),
             tuned: tuned_tolerance(setup, info.name),
             allowance: allowance(&bundled, info.name),
-        })
+        }
     };
-    Ok(app.nodes().iter().enumerate().filter_map(listed).collect())
+    let listed = app.nodes().iter().enumerate();
+    let listed = listed.filter(|(index, _)| per_solution[*index] > 0);
+    let indices = listed.clone().map(|(index, _)| index).collect();
+    Ok((listed.map(facts).collect(), indices))
 }
 
 /// The nodes whose values enter a node.

@@ -1,12 +1,15 @@
 //! The emulated participant: the chip on its board; makes the conversions.
 
-use cardan_bench::{Conversion, Sink, SinkError, Truth};
+use cardan_bench::app::Party;
+use cardan_bench::{Conversion, EngineError, Sink, SinkError, Truth};
 use cardan_emulator::Pin;
 use cardan_frontend::Inner;
-use cardan_link::stream::{Conversions, Frames, Nodes, Signals, Truth as Truths};
-use cardan_link::{NodeWord, Session, SignalValue, TruthSample, Writer};
+use cardan_link::stream::{Events, Frames, Instants, Nodes, Signals, Stages};
+use cardan_link::{Instant, NodeWord, Session, SignalValue, Writer};
 
-use super::{CONFIGURATION, SUMMARY, engine_failure, lost, node_index, to_link};
+use super::{
+    CONFIGURATION, Models, SUMMARY, StageWriter, engine_failure, events_of, lost, node_index,
+};
 use crate::dump::{Signal, Stage};
 use crate::failure::Failure;
 use crate::run_options::Setup;
@@ -16,10 +19,16 @@ const SUMMARY_BLOCK: usize = 4096;
 
 /// Publishes what the board shows.
 struct Publisher {
-    conversions: Writer<Conversions>,
+    events: Writer<Events>,
+    /// Readings of the comparator so far.
+    comparators: u64,
     nodes: Writer<Nodes>,
     frames: Writer<Frames>,
-    truths: Writer<Truths>,
+    instants: Writer<Instants>,
+    stages: StageWriter,
+    models: Models,
+    /// Members of the product's group.
+    members: usize,
     signals: Writer<Signals>,
     wanted: Wanted,
 }
@@ -50,7 +59,17 @@ impl Wanted {
 
 impl Sink for Publisher {
     fn conversion(&mut self, conversion: &Conversion) -> Result<(), SinkError> {
-        Ok(self.conversions.push(to_link(conversion))?)
+        let (told, own) = events_of(conversion, self.comparators);
+        if let Some(told) = told {
+            self.comparators += 1;
+            self.events.push(told)?;
+        }
+        self.events.push(own)?;
+        match self.models.conversion(conversion, &mut self.stages) {
+            Ok(()) => Ok(()),
+            Err(EngineError::Link(error)) => Err(error),
+            Err(EngineError::Input(what)) => Err(what.into()),
+        }
     }
 
     fn word(&mut self, node: usize, value: i64, cycle: u64) -> Result<(), SinkError> {
@@ -91,32 +110,44 @@ impl Sink for Publisher {
     }
 
     fn truth(&mut self, truth: &Truth) -> Result<(), SinkError> {
-        let [yaw_rad, pitch_rad, roll_rad] = truth.yaw_pitch_roll_rad.unwrap_or([f64::NAN; 3]);
-        let sample = TruthSample {
+        self.instants.push(Instant {
+            cycle: truth.cycle,
             time_s: truth.time_s,
-            roll_rad,
-            pitch_rad,
-            yaw_rad,
-        };
-        Ok(self.truths.push(sample)?)
+        })?;
+        // The truth is the first stage.
+        for member in 0..self.members {
+            let value = truth
+                .values
+                .as_ref()
+                .map_or(f64::NAN, |values| values[member]);
+            self.stages.put(0, member, value, truth.cycle)?;
+        }
+        Ok(())
     }
 }
 
 /// Runs the device and publishes everything it shows; pins and inner voltages as far as `signals`
 /// asks for them.
 pub(crate) fn run(session: Session, setup: &Setup, signals: &[Signal]) -> Result<(), Failure> {
-    let (configuration, mut engine) = setup
+    let (mut configuration, mut engine) = setup
         .app
         .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
         .map_err(Failure::input)?;
+    configuration.shares = setup.shares;
+    configuration.request = setup.request();
+    let group = setup.app.outputs(&configuration).group;
     let mut blobs = session.blob_writer().map_err(lost)?;
     let text = serde_json::to_vec(&configuration).map_err(Failure::participant)?;
     blobs.send(CONFIGURATION, &text).map_err(lost)?;
     let mut publisher = Publisher {
-        conversions: session.writer(Conversions).map_err(lost)?,
+        events: session.writer(Events).map_err(lost)?,
+        comparators: 0,
         nodes: session.writer(Nodes).map_err(lost)?,
         frames: session.writer(Frames).map_err(lost)?,
-        truths: session.writer(Truths).map_err(lost)?,
+        instants: session.writer(Instants).map_err(lost)?,
+        stages: StageWriter(session.writer(Stages).map_err(lost)?),
+        models: Models::new(setup.app, &configuration, Party::Emulated),
+        members: group.map_or(0, |group| group.members.len()),
         signals: session.writer(Signals).map_err(lost)?,
         wanted: Wanted::new(signals),
     };
@@ -132,17 +163,19 @@ pub(crate) fn run(session: Session, setup: &Setup, signals: &[Signal]) -> Result
     }
     let summary = engine.run(&mut publisher).map_err(engine_failure)?;
     let Publisher {
-        conversions,
+        events,
         nodes,
         frames,
-        truths,
+        instants,
+        stages,
         signals,
         ..
     } = publisher;
-    conversions.finish().map_err(lost)?;
+    events.finish().map_err(lost)?;
     nodes.finish().map_err(lost)?;
     frames.finish().map_err(lost)?;
-    truths.finish().map_err(lost)?;
+    instants.finish().map_err(lost)?;
+    stages.0.finish().map_err(lost)?;
     signals.finish().map_err(lost)?;
     let mut text = serde_json::to_vec(&summary).map_err(Failure::participant)?;
     // Host times have more or fewer digits; padded, equal runs send equally many bytes.

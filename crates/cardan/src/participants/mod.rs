@@ -7,14 +7,15 @@ pub(crate) mod diff;
 pub(crate) mod emulated;
 pub(crate) mod golden;
 pub(crate) mod native;
+pub(crate) mod streams;
 
 use std::time::Duration;
 
-use cardan_bench::app::Configuration;
-use cardan_bench::{Conversion, EngineError, SinkError, ThirdTilt};
-use cardan_link::stream::Conversions;
+use cardan_bench::app::{Configuration, Party};
+use cardan_bench::{App, Conversion, EngineError, Sink, SinkError, ThirdTilt};
+use cardan_link::stream::{Events, Stages};
 use cardan_link::{
-    BlobReader, Conversion as Record, LinkError, Options, Role, Session, SessionId, Transport,
+    BlobReader, Event, LinkError, Options, Role, Session, SessionId, StageValue, Transport, Writer,
 };
 use clap::Args;
 
@@ -108,57 +109,65 @@ fn configuration(blobs: &mut BlobReader) -> Result<Configuration, Failure> {
     })
 }
 
-/// All conversions of the run.
-fn conversions(session: &Session) -> Result<Vec<Conversion>, Failure> {
-    let reader = session.reader(Role::Emulated, Conversions).map_err(lost)?;
-    Ok(reader
-        .collect()
-        .map_err(lost)?
-        .iter()
-        .map(from_link)
-        .collect())
+/// From events to conversions: what the comparator told goes with the conversion behind it.
+#[derive(Debug, Default)]
+struct Conversions {
+    third_tilt: Option<ThirdTilt>,
 }
 
-fn from_link(record: &Record) -> Conversion {
-    Conversion {
-        sequence: record.sequence,
-        cycle: record.cycle,
-        channel: record.channel,
-        code: record.code,
-        ideal_volts: record.ideal_volts,
-        direct_code: record.direct_code,
-        experienced_code: record.experienced_code,
-        late: record.is_late(),
-        lost: record.is_lost(),
-        third_tilt: record.has(Record::THIRD_TILT).then(|| ThirdTilt {
-            upside_down: record.has(Record::UPSIDE_DOWN),
-            truly_upside_down: record
-                .has(Record::TRUTH)
-                .then(|| record.has(Record::TRULY_UPSIDE_DOWN)),
-        }),
+impl Conversions {
+    fn next(&mut self, event: &Event) -> Option<Conversion> {
+        match event.kind {
+            Event::COMPARATOR => {
+                self.third_tilt = Some(ThirdTilt {
+                    upside_down: event.value != 0,
+                    truly_upside_down: None,
+                });
+                None
+            }
+            Event::CONVERSION => Some(Conversion {
+                sequence: event.sequence,
+                cycle: event.cycle,
+                channel: event.channel,
+                // A converter's code has ten bits.
+                code: event.value as u16,
+                ideal_volts: event.ideal,
+                direct_code: f64::NAN,
+                experienced_code: event.expected,
+                late: event.is_late(),
+                lost: event.is_lost(),
+                third_tilt: self.third_tilt.take(),
+            }),
+            _ => None,
+        }
     }
 }
 
-fn to_link(conversion: &Conversion) -> Record {
+/// A conversion as events: before it what the comparator told, where there is one, as the `comparators`-th of
+/// its kind.
+fn events_of(conversion: &Conversion, comparators: u64) -> (Option<Event>, Event) {
     let flag = |set: bool, bit: u8| if set { bit } else { 0 };
-    let third = conversion.third_tilt;
-    let upside_down = third.is_some_and(|third| third.upside_down);
-    let truth = third.and_then(|third| third.truly_upside_down);
-    Record {
+    let own = Event {
         sequence: conversion.sequence,
         cycle: conversion.cycle,
-        ideal_volts: conversion.ideal_volts,
-        direct_code: conversion.direct_code,
-        experienced_code: conversion.experienced_code,
-        code: conversion.code,
+        ideal: conversion.ideal_volts,
+        expected: conversion.experienced_code,
+        value: conversion.code.into(),
+        kind: Event::CONVERSION,
         channel: conversion.channel,
-        flags: flag(conversion.late, Record::LATE)
-            | flag(conversion.lost, Record::LOST)
-            | flag(third.is_some(), Record::THIRD_TILT)
-            | flag(upside_down, Record::UPSIDE_DOWN)
-            | flag(truth.is_some(), Record::TRUTH)
-            | flag(truth == Some(true), Record::TRULY_UPSIDE_DOWN),
-    }
+        flags: flag(conversion.late, Event::LATE) | flag(conversion.lost, Event::LOST),
+    };
+    let told = conversion.third_tilt.map(|third| Event {
+        sequence: comparators,
+        ideal: f64::NAN,
+        expected: f64::NAN,
+        value: third.upside_down.into(),
+        kind: Event::COMPARATOR,
+        channel: 0,
+        flags: 0,
+        ..own
+    });
+    (told, own)
 }
 
 /// Does `work` with every conversion of the run as it comes.
@@ -166,11 +175,104 @@ fn each_conversion(
     session: &Session,
     mut work: impl FnMut(&Conversion) -> Result<(), EngineError>,
 ) -> Result<(), Failure> {
-    let mut reader = session.reader(Role::Emulated, Conversions).map_err(lost)?;
-    while let Some(record) = reader.next().map_err(lost)? {
-        work(&from_link(&record)).map_err(engine_failure)?;
+    let mut reader = session.reader(Role::Emulated, Events).map_err(lost)?;
+    let mut conversions = Conversions::default();
+    while let Some(event) = reader.next().map_err(lost)? {
+        if let Some(conversion) = conversions.next(&event) {
+            work(&conversion).map_err(engine_failure)?;
+        }
     }
     Ok(())
+}
+
+/// Publishes values along the chain.
+struct StageWriter(Writer<Stages>);
+
+impl StageWriter {
+    fn put(
+        &mut self,
+        stage: usize,
+        member: usize,
+        value: f64,
+        cycle: u64,
+    ) -> Result<(), SinkError> {
+        Ok(self.0.push(StageValue {
+            cycle,
+            value,
+            stage: node_index(stage)?,
+            member: node_index(member)?,
+        })?)
+    }
+}
+
+impl Sink for StageWriter {
+    fn stage(
+        &mut self,
+        stage: usize,
+        member: usize,
+        value: f64,
+        cycle: u64,
+    ) -> Result<(), SinkError> {
+        self.put(stage, member, value, cycle)
+    }
+}
+
+/// Runs golden on other inputs than the device's, and publishes what it makes of the group's members.
+struct Models {
+    engines: cardan_bench::app::Models,
+    /// By node of the golden model: the member that it holds.
+    members: Vec<Option<usize>>,
+}
+
+/// What a model shows of a stage.
+struct OfStage<'a> {
+    stages: &'a mut StageWriter,
+    members: &'a [Option<usize>],
+    stage: usize,
+}
+
+impl Sink for OfStage<'_> {
+    fn real(&mut self, node: usize, value: f64, cycle: u64) -> Result<(), SinkError> {
+        match self.members.get(node).copied().flatten() {
+            Some(member) => self.stages.put(self.stage, member, value, cycle),
+            None => Ok(()),
+        }
+    }
+}
+
+impl Models {
+    fn new(app: &dyn App, configuration: &Configuration, party: Party) -> Self {
+        let group = app.outputs(configuration).group;
+        let members = group.map(|group| group.members).unwrap_or_default();
+        let member = |node: usize| {
+            let name = app.nodes()[node].name;
+            members.iter().position(|member| member.node == name)
+        };
+        Self {
+            engines: app.models(configuration, party),
+            members: app.golden_nodes().into_iter().map(member).collect(),
+        }
+    }
+
+    fn conversion(
+        &mut self,
+        conversion: &Conversion,
+        stages: &mut StageWriter,
+    ) -> Result<(), EngineError> {
+        let members = &self.members;
+        for (stage, engine) in &mut self.engines {
+            let stage = *stage;
+            engine.conversion(
+                conversion,
+                &mut OfStage {
+                    stages,
+                    members,
+                    stage,
+                },
+            )?;
+        }
+        Ok(())
+    }
 }
 
 /// What an engine's failure means: the link's own errors stay what they are.

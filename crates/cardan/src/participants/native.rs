@@ -1,13 +1,13 @@
-//! The native participant: the firmware on the host, on the emulated converter's codes; and the
-//! same algorithm in its real interpretation, with what rounding is expected to make of it.
+//! The native participant: the firmware on the host, on the emulated converter's codes; the same algorithm in
+//! its real interpretation, with what rounding is expected to make of it; and the steps between the two.
 
 use cardan_bench::{App, Sink, SinkError};
 use cardan_datapath::Format;
-use cardan_link::stream::{Frames, Nodes, RealNodes, Statuses};
+use cardan_link::stream::{Frames, Nodes, RealNodes, Stages, Statuses};
 use cardan_link::{LinkError, NodeReal, NodeWord, Role, Session, Status, Writer};
 use cardan_numerics::tape::Expected;
 
-use super::{SUMMARY, configuration, each_conversion, lost, node_index};
+use super::{SUMMARY, StageWriter, configuration, each_conversion, lost, node_index};
 use crate::failure::Failure;
 
 struct Words {
@@ -109,10 +109,18 @@ pub(crate) fn run(
     let mut expectation = app
         .expectation(&configuration, formats)
         .map_err(Failure::input)?;
+    let steps = || app.rounding_steps(&configuration, formats);
+    let mut steps = (configuration.shares.then(steps).transpose()).map_err(Failure::input)?;
+    let mut stages = StageWriter(session.writer(Stages).map_err(lost)?);
     each_conversion(&session, |conversion| {
         native.conversion(conversion, &mut words)?;
-        expectation.conversion(conversion, &mut model)
+        expectation.conversion(conversion, &mut model)?;
+        match &mut steps {
+            Some(steps) => steps.conversion(conversion, &mut stages),
+            None => Ok(()),
+        }
     })?;
+    stages.0.finish().map_err(lost)?;
     words.nodes.finish().map_err(lost)?;
     words.frames.finish().map_err(lost)?;
     model.finish().map_err(lost)?;

@@ -1,73 +1,67 @@
-//! The error budget as bars and as a table per angle, and the rounding per node.
+//! The error budget as bars and as a table per member, and the rounding per node.
 
-use maud::{Markup, html};
-
-use crate::budget::{AngleSpread, PartDetail};
-use crate::format::{count, number, optional};
-use crate::report::Report;
+use cardan_outputs::Is;
 use cardan_page::framed;
 use cardan_page::plot::{Bar, bars};
+use maud::{Markup, html};
 
-/// The parts in signal order, with what each of them is.
-const PARTS: [(&str, &str, &str); 7] = [
-    ("latency", "Latency and skew", "sampling instants and delay"),
-    (
-        "motion",
-        "Motion and environment",
-        "acceleration, disturbed field: the method's own error",
-    ),
-    (
-        "sensor_frontend",
-        "Sensor and front end",
-        "physics, noise, filters",
-    ),
-    ("adc", "ADC quantisation", "ten bits"),
-    ("algorithm", "Algorithm", "series and iterations, in f64"),
-    ("rounding", "Rounding", "word lengths"),
-    ("compiled", "Compiled code", "must be zero"),
-];
+use crate::chain::PartDetail;
+use crate::format::{count, number, optional, percent};
+use crate::input::Comparison;
+use crate::report::Report;
+use crate::spread::Spread;
 
-pub(super) fn section(report: &Report) -> Markup {
-    let detail = &report.error_budget_detail;
+pub(super) fn section(report: &Report, facts: &Comparison) -> Markup {
+    let (detail, group) = (&report.error_budget_detail, &report.group);
+    if group.members.is_empty() {
+        return html! {};
+    }
+    let unit = &group.unit;
     let known = |name: &str| detail.parts.iter().find(|part| part.part == name);
-    let parts: Vec<Bar> = PARTS
-        .iter()
-        .map(|(name, title, remark)| Bar {
-            name: (*title).to_owned(),
-            remark: (*remark).to_owned(),
-            size: known(name).and_then(|part| part.rotation.rms_deg),
-            class: if *name == "compiled" { "alarm" } else { "part" },
+    let size = |part: &PartDetail| part.size().and_then(|size| size.rms);
+    let parts: Vec<Bar> = (facts.chain.stages.iter().skip(1))
+        .map(|stage| Bar {
+            name: stage.stage.title.to_string(),
+            remark: stage.stage.remark.to_string(),
+            size: known(&stage.stage.part).and_then(size),
+            class: if stage.stage.is == Is::Emulated {
+                "alarm"
+            } else {
+                "part"
+            },
         })
         .chain(detail.whole.as_ref().map(|whole| Bar {
-            name: "Whole".to_owned(),
-            remark: "emulated against truth".to_owned(),
-            size: whole.rotation.rms_deg,
+            name: whole.title.clone(),
+            remark: whole.remark.clone(),
+            size: size(whole),
             class: "whole",
         }))
         .collect();
+    let of = (group.combined.as_ref()).map_or("error", |combined| combined.what.as_str());
     let content = html! {
-        h3 { "Size of each part, degrees rms of its rotation, logarithmic" }
-        (bars(&parts, "°"))
-        @if let Some(open) = detail.closure_deg {
+        h3 { "Size of each part, " (unit.words) " rms of its " (of) ", logarithmic" }
+        (bars(&parts, &unit.symbol))
+        @if let Some(open) = detail.closure {
             p.note {
-                "Per angle and solution the parts add up to the whole error within "
-                strong { (number(open)) "°" }
-                ", checked in " (count(detail.closure_samples)) " solutions."
+                "Per " (group.member) " and solution the parts add up to the whole error within "
+                strong { (number(open)) (unit.symbol) }
+                ", checked in " (count(detail.closure_samples)) " solutions. The share is each part's of the "
+                "whole's mean square, which adds to 100 % also where parts are correlated; a negative one "
+                "takes error off."
             }
         } @else {
             p.muted { "No solution knows every part, so their sum could not be checked." }
         }
         (table(report))
         @if !detail.rounding_shares.is_empty() {
-            h3 { "Rounding by node, degrees rms, logarithmic" }
-            (bars(&shares(report), "°"))
+            h3 { "Rounding by node, " (unit.words) " rms, logarithmic" }
+            (bars(&shares(report), &unit.symbol))
         }
     };
     framed(
         "budget",
         "Error budget",
-        "The way from truth to the emulated output in steps: each part is what one stage adds to \
-         the attitude.",
+        "The way from truth to the emulated output in steps: each part is what one stage adds.",
         &content,
     )
 }
@@ -78,43 +72,47 @@ fn shares(report: &Report) -> Vec<Bar> {
         .map(|share| Bar {
             name: share.node.clone(),
             remark: String::new(),
-            size: share.rms_deg,
+            size: share.size.rms,
             class: "part",
         })
         .collect()
 }
 
 fn table(report: &Report) -> Markup {
-    let detail = &report.error_budget_detail;
+    let (detail, group) = (&report.error_budget_detail, &report.group);
     html! {
         div.scroll {
             table.angles {
                 thead {
                     tr {
-                        th scope="col" rowspan="2" { "degrees" }
-                        @for angle in ["yaw", "pitch", "roll", "rotation"] {
-                            th.number.over scope="colgroup" colspan="3" { (angle) }
+                        th scope="col" rowspan="2" { (group.unit.words) }
+                        @for member in &group.members {
+                            th.number.over scope="colgroup" colspan="3" { (member.name) }
                         }
+                        @if let Some(combined) = &group.combined {
+                            th.number.over scope="colgroup" colspan="3" { (combined.what) }
+                        }
+                        th.number scope="col" rowspan="2" { "share" }
                     }
                     tr {
-                        @for _ in 0..3 {
+                        @for _ in &group.members {
                             th.number.first scope="col" { "bias" }
                             th.number scope="col" { "rms" }
                             th.number scope="col" { "max" }
                         }
-                        th.number.first scope="col" { "rms" }
-                        th.number scope="col" { "99 %" }
-                        th.number scope="col" { "max" }
+                        @if group.combined.is_some() {
+                            th.number.first scope="col" { "rms" }
+                            th.number scope="col" { "99 %" }
+                            th.number scope="col" { "max" }
+                        }
                     }
                 }
                 tbody {
-                    @for (name, title, _) in PARTS {
-                        @if let Some(part) = detail.parts.iter().find(|part| part.part == name) {
-                            tr { th scope="row" { (title) } (cells(part)) }
-                        }
+                    @for part in &detail.parts {
+                        tr { th scope="row" { (part.title) } (cells(part)) }
                     }
                     @if let Some(whole) = &detail.whole {
-                        tr.total { th scope="row" { "Whole" } (cells(whole)) }
+                        tr.total { th scope="row" { (whole.title) } (cells(whole)) }
                     }
                 }
             }
@@ -124,13 +122,16 @@ fn table(report: &Report) -> Markup {
 
 fn cells(part: &PartDetail) -> Markup {
     html! {
-        @for AngleSpread { bias_deg, rms_deg, max_deg } in [part.yaw, part.pitch, part.roll] {
-            td.number.first { (optional(bias_deg)) }
-            td.number { (optional(rms_deg)) }
-            td.number { (optional(max_deg)) }
+        @for (_, Spread { bias, rms, max, .. }) in &part.members {
+            td.number.first { (optional(*bias)) }
+            td.number { (optional(*rms)) }
+            td.number { (optional(*max)) }
         }
-        td.number.first { (optional(part.rotation.rms_deg)) }
-        td.number { (optional(part.rotation.p99_deg)) }
-        td.number { (optional(part.rotation.max_deg)) }
+        @if let Some((_, combined)) = &part.combined {
+            td.number.first { (optional(combined.rms)) }
+            td.number { (optional(combined.p99)) }
+            td.number { (optional(combined.max)) }
+        }
+        td.number { (part.share.map_or_else(|| "–".to_owned(), percent)) }
     }
 }

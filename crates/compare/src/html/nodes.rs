@@ -3,18 +3,17 @@
 use maud::{Markup, html};
 
 use cardan_page::framed;
-use cardan_page::plot::{Layer, Plot, spans, stretches, ticks};
+use cardan_page::plot::{Envelope, Layer, Plot, ticks};
 use cardan_page::unit::reading;
 
 use crate::format::{count, number, optional, percent};
+use crate::html::group::flagged;
 use crate::input::{Comparison, Node};
-use crate::metrics::{WRAPPING_UNIT, difference};
 use crate::nodes::{NodeReport, NodeStatus};
+use crate::plots::Plots;
 use crate::report::Report;
 
-const STRETCHES: usize = 200;
-
-pub(super) fn section(report: &Report, comparison: &Comparison) -> Markup {
+pub(super) fn section(report: &Report, facts: &Comparison, plots: &Plots) -> Markup {
     let content = html! {
         div.scroll {
             table.nodes {
@@ -44,8 +43,8 @@ pub(super) fn section(report: &Report, comparison: &Comparison) -> Markup {
         (reasons(report))
         h3 { "Error over time, in LSB of the node's format" }
         div.multiples {
-            @for (node, data) in report.nodes.iter().zip(&comparison.nodes) {
-                (error(node, data, comparison))
+            @for ((node, data), envelope) in report.nodes.iter().zip(&facts.nodes).zip(&plots.nodes) {
+                (error(node, data, envelope, (facts, plots)))
             }
         }
     };
@@ -152,31 +151,29 @@ fn reasons(report: &Report) -> Markup {
 }
 
 /// The largest and smallest difference in each stretch of time, with the tolerance where it is near.
-fn error(report: &NodeReport, node: &Node, comparison: &Comparison) -> Markup {
-    let (reference, name) = match (&node.golden, &node.real) {
-        (Some(golden), _) => (golden, "golden"),
-        (None, Some(real)) => (real, "real"),
+fn error(
+    report: &NodeReport,
+    node: &Node,
+    envelope: &Envelope,
+    (facts, plots): (&Comparison, &Plots),
+) -> Markup {
+    let name = match (&node.golden, &node.real) {
+        (Some(_), _) => "golden",
+        (None, Some(_)) => "real",
         (None, None) => return html! {},
     };
-    if node.lsb <= 0.0 || comparison.run.solution_seconds <= 0.0 || comparison.flags.is_empty() {
+    let solutions = plots.flagged.len();
+    if node.lsb <= 0.0 || facts.run.solution_seconds <= 0.0 || solutions == 0 {
         return html! {};
     }
-    let seconds = comparison.flags.len() as f64 * comparison.run.solution_seconds;
-    let step = comparison.run.solution_seconds / node.per_solution.max(1) as f64;
-    let wrap = node.unit == WRAPPING_UNIT;
-    let pairs = node.native_values().zip(reference).enumerate();
-    let errors = pairs
-        .filter(|(sample, _)| comparison.flags.get(node.solution_of(*sample)) == Some(&0))
-        .map(|(sample, (native, reference))| {
-            let time = (sample as f64 + 0.5) * step;
-            (time, difference(native, *reference, wrap) / node.lsb)
-        });
-    let count = STRETCHES.min(comparison.flags.len());
-    let found = stretches(errors, seconds, count);
-    let most = found
-        .iter()
-        .flatten()
-        .fold(0f64, |most, at| most.max(at.high.abs()).max(at.low.abs()));
+    let seconds = solutions as f64 * facts.run.solution_seconds;
+    let step_s = facts.run.solution_seconds / node.per_solution.max(1) as f64;
+    let mut found = envelope.stretches(step_s);
+    for stretch in found.iter_mut().flatten() {
+        stretch.low /= node.lsb;
+        stretch.high /= node.lsb;
+    }
+    let most = envelope.most() / node.lsb;
     let limit = node
         .tolerance
         .as_ref()
@@ -198,11 +195,7 @@ fn error(report: &NodeReport, node: &Node, comparison: &Comparison) -> Markup {
     }
     let near = limit.filter(|limit| *limit <= 4.0 * most && *limit > 0.0);
     let reach = 1.1 * most.max(near.unwrap_or(0.0));
-    let flags = &comparison.flags;
-    let shade = Layer::Shade {
-        class: "shade",
-        spans: spans(flags.len(), seconds, STRETCHES, |at| flags[at] != 0),
-    };
+    let shade = flagged(facts, plots);
     let band = Layer::Band {
         class: "band",
         stretches: found,
@@ -216,7 +209,7 @@ fn error(report: &NodeReport, node: &Node, comparison: &Comparison) -> Markup {
         low: -reach,
         high: reach,
         ticks: ticks(-reach, reach, 4),
-        unit: "",
+        unit: String::new(),
         height: 90,
         layers: [shade, band].into_iter().chain(levels).collect(),
     };

@@ -30,7 +30,7 @@ pub(super) fn section(report: &Report) -> Markup {
             }
         }
         div.tiles {
-            (attitude(report))
+            (error(report))
             (tolerance(report))
             (bits(report))
             (timing(report))
@@ -72,27 +72,34 @@ fn tile(title: &str, figure: &str, unit: &str, detail: &str, good: Option<bool>)
     }
 }
 
-fn attitude(report: &Report) -> Markup {
-    let (errors, against) = match (&report.attitude, &report.attitude_vs_golden) {
+fn error(report: &Report) -> Markup {
+    let group = &report.group;
+    let title = format!("{} error", group.title);
+    let (errors, against) = match (&report.truth, &report.golden) {
         (Some(errors), _) => (errors, "truth"),
         (None, Some(errors)) => (errors, "golden, no reference given"),
-        (None, None) => {
-            return tile(
-                "Attitude error",
-                "–",
-                "",
-                "no attitude to compare with",
-                None,
-            );
-        }
+        (None, None) => return tile(&title, "–", "", "nothing to compare with", None),
     };
+    let Some(whole) = errors.whole() else {
+        return html! {
+            @for (name, spread) in errors.all() {
+                (tile(name, &optional(spread.rms), " rms", &format!("against {against}"), None))
+            }
+        };
+    };
+    let symbol = &group.unit.symbol;
     let detail = format!(
-        "99 % under {}°, largest {}°, against {against}",
-        optional(errors.total.p99_deg),
-        optional(errors.total.max_deg)
+        "99 % under {}{symbol}, largest {}{symbol}, against {against}",
+        optional(whole.p99),
+        optional(whole.max)
     );
-    let figure = optional(errors.total.rms_deg);
-    tile("Attitude error", &figure, "° rms", &detail, None)
+    tile(
+        &title,
+        &optional(whole.rms),
+        &format!("{symbol} rms"),
+        &detail,
+        None,
+    )
 }
 
 /// The node that uses most of its tolerance.

@@ -1,15 +1,17 @@
 //! A run as the bench would deliver it, small but whole: a tumble through the golden model, with a
 //! deployed participant that rounds every node and slow sensors before the converter.
 
+#![allow(dead_code, reason = "each test program uses a part of it")]
+
 use cardan_compare::{
-    Assumed, Attitudes, Comparison, EmulatorStatistics, Format, Frames, LinkStatistics, Messages,
-    Node, Reproduce, RoundingStep, Run, Series, Tolerance,
+    Assumed, Chain, Comparison, EmulatorStatistics, Format, Frames, LinkStatistics, Messages, Node,
+    Reproduce, RoundingStep, Run, Series, Tolerance,
 };
 use cardan_golden::{
     Angles, Attitude, EarthField, Golden, Solution, angles_of, codes_of, ideal_readings,
-    set_1_matrix,
+    rotation_angle, set_1_matrix,
 };
-use cardan_outputs::{Outputs, Status, StatusBit};
+use cardan_outputs::{Combined, Group, Is, Member, Outputs, Shown, Stage, Status, StatusBit};
 use cardan_spec::calibration::Calibration;
 use cardan_spec::nodes::SHARED;
 use cardan_spec::timing::{Averaging, BLOCK_CONVERSIONS, WARM_UP_BLOCKS};
@@ -58,21 +60,98 @@ fn golden(
     run
 }
 
+/// Three angles of an attitude, followed along the chain.
+pub(crate) fn group() -> Group {
+    let member = |name: &str| Member {
+        name: name.into(),
+        node: name.into(),
+        scale: 180.0,
+        period: Some(2.0),
+    };
+    Group {
+        key: "attitude".into(),
+        title: "Attitude".into(),
+        note: String::new(),
+        member: "angle".into(),
+        unit: Shown {
+            suffix: "deg".into(),
+            symbol: "°".into(),
+            words: "degrees".into(),
+        },
+        members: ["yaw", "pitch", "roll"].map(member).into(),
+        combined: Some(Combined {
+            name: "total".into(),
+            what: "rotation".into(),
+            error: rotation,
+        }),
+    }
+}
+
+pub(crate) fn angles(values: &[f64]) -> Angles {
+    Angles {
+        yaw: HalfTurns(values[0]),
+        pitch: HalfTurns(values[1]),
+        roll: HalfTurns(values[2]),
+    }
+}
+
+fn rotation(values: &[f64], references: &[f64]) -> f64 {
+    let (value, reference) = (angles(values), angles(references));
+    if value == reference {
+        return 0.0;
+    }
+    rotation_angle(&set_1_matrix(value), &set_1_matrix(reference)).degrees()
+}
+
+/// The stages of the chain.
+pub(crate) const STAGES: [Stage; 8] = [
+    Stage::new(Is::Truth, "truth", "", "", ""),
+    Stage::new(Is::Model, "direct", "latency", "Latency and skew", ""),
+    Stage::new(Is::Model, "experienced", "motion", "Motion", ""),
+    Stage::new(
+        Is::Model,
+        "ideal",
+        "sensor_frontend",
+        "Sensor and front end",
+        "",
+    ),
+    Stage::new(Is::Golden, "codes", "adc", "ADC", ""),
+    Stage::new(Is::Real, "real", "algorithm", "Algorithm", ""),
+    Stage::new(Is::Native, "deployed", "rounding", "Rounding", ""),
+    Stage::new(Is::Emulated, "emulated", "compiled", "Compiled code", ""),
+];
+
+/// The chain of all stages with these values.
+pub(crate) fn chain(values: [Series; 8], steps: Vec<RoundingStep>) -> Chain {
+    let mut chain = Chain::new(&STAGES, 3);
+    for (stage, values) in chain.stages.iter_mut().zip(values) {
+        stage.values = values;
+    }
+    chain.steps = steps;
+    chain
+}
+
+pub(crate) fn series_of(angles: impl IntoIterator<Item = Option<Angles>>) -> Series {
+    let values = |angles: Angles| [angles.yaw.0, angles.pitch.0, angles.roll.0];
+    Series::of(3, angles.into_iter().map(|angles| angles.map(values)))
+}
+
 fn series(solutions: &[Solution]) -> Series {
-    solutions.iter().map(Solution::angles).collect()
+    series_of(solutions.iter().map(|solution| Some(solution.angles())))
 }
 
 /// The same angles on a grid of 2^-bits half turns.
 fn rounded(series: &Series, bits: i32) -> Series {
     let step = f64::from(2f32.powi(-bits));
     let round = |angle: HalfTurns| HalfTurns((angle.0 / step).round() * step);
-    let each = series.0.iter().flatten();
-    each.map(|angles| Angles {
-        yaw: round(angles.yaw),
-        pitch: round(angles.pitch),
-        roll: round(angles.roll),
-    })
-    .collect()
+    let each = (0..series.len()).map(|at| series.at(at).map(angles));
+    series_of(each.map(|found| {
+        found.map(|angles| Angles {
+            yaw: round(angles.yaw),
+            pitch: round(angles.pitch),
+            roll: round(angles.roll),
+        })
+    }))
 }
 
 fn frac(unit: &str) -> i32 {
@@ -147,6 +226,7 @@ pub(crate) fn status_bits() -> Outputs {
             })
             .collect(),
         sequence_modulus: 1 << 16,
+        group: Some(group()),
     }
 }
 
@@ -178,11 +258,11 @@ pub(crate) fn comparison(solutions: usize) -> Comparison {
         let dither = (at * 7919 % 1000) as f64 / 1000.0 - 0.5;
         (slow(channel, seconds) + dither).round()
     });
-    let flags: Vec<u16> = (0..solutions)
+    let flags: Vec<u32> = (0..solutions)
         .map(|at| {
             let d3 = codes.nodes[9][at];
             let low = u16::from(d3 < 0.55) * flags::HALF_SPACE;
-            low | (u16::from(at % 611 == 300) * flags::DISTURBED)
+            (low | (u16::from(at % 611 == 300) * flags::DISTURBED)).into()
         })
         .collect();
     let frames: Vec<Vec<u8>> = (0..solutions)
@@ -216,10 +296,7 @@ pub(crate) fn comparison(solutions: usize) -> Comparison {
         messages: Messages::default(),
         status: flags
             .iter()
-            .map(|&set| Status {
-                set: set.into(),
-                doubtful: 0,
-            })
+            .map(|&set| Status { set, doubtful: 0 })
             .collect(),
         checks: Vec::new(),
         stage_limits: Vec::new(),
@@ -227,24 +304,29 @@ pub(crate) fn comparison(solutions: usize) -> Comparison {
         tuned: None,
         most_flagged: None,
         flags,
-        attitudes: Attitudes {
-            truth: (0..solutions)
-                .map(|at| angles_of(&truth(at as f64 * SOLUTION_SECONDS + half)))
-                .collect(),
-            experienced: series(&direct.solutions),
-            direct: series(&direct.solutions),
-            ideal: series(&ideal.solutions),
-            codes: series(&codes.solutions),
-            rounding_steps: [("tilt_x", 15), ("cos_1", 14), ("yaw", 13)]
+        chain: chain(
+            [
+                series_of(
+                    (0..solutions)
+                        .map(|at| Some(angles_of(&truth(at as f64 * SOLUTION_SECONDS + half)))),
+                ),
+                series(&direct.solutions),
+                series(&direct.solutions),
+                series(&ideal.solutions),
+                series(&codes.solutions),
+                real.clone(),
+                deployed.clone(),
+                deployed,
+            ],
+            [("tilt_x", 15), ("cos_1", 14), ("yaw", 13)]
                 .map(|(node, bits)| RoundingStep {
                     node: node.into(),
-                    attitudes: rounded(&real, bits),
+                    values: rounded(&real, bits),
                 })
                 .into(),
-            real,
-            emulated: deployed.clone(),
-            deployed,
-        },
+        ),
+        output_limits: Vec::new(),
+        required: None,
         truth_tolerance: None,
         widening: 1.0,
         emulator: EmulatorStatistics {

@@ -129,12 +129,12 @@ fn restarted(device: &mut impl Read, app: &dyn App) -> Result<(), String> {
     read_until(device, RESTART, |byte| {
         frame.push(byte);
         if byte == DELIMITER {
-            told = app.decode_frame(&std::mem::take(&mut frame));
+            told = app.decode(&std::mem::take(&mut frame)).ok();
         }
         told.is_some()
     })?;
     match told {
-        Some((_, status)) if status & flags::UNCALIBRATED == 0 => Ok(()),
+        Some(message) if message.status & u32::from(flags::UNCALIBRATED) == 0 => Ok(()),
         Some(_) => Err("the device restarted uncalibrated".to_owned()),
         None => Err("the device stored the settings and sent no frame since".to_owned()),
     }

@@ -1,7 +1,7 @@
 //! Candidates on the target: built, measured in the emulator, and put into the firmware.
 
 use cardan_bench::App;
-use cardan_compare::{Report, Verdict, compare};
+use cardan_compare::{Report, Verdict};
 use cardan_datapath::{Format, wordlengths};
 use cardan_tune::{OnTarget, TuneError};
 
@@ -85,8 +85,8 @@ pub(super) fn apply(
         checkout: Some(checkout.root().to_owned()),
         ..run.clone()
     };
-    match crate::commands::compare::comparison(&run) {
-        Ok(comparison) => Ok(compare(&comparison)),
+    match crate::commands::compare::report(&run) {
+        Ok(report) => Ok(report),
         Err(failure) => {
             write_whole("--apply", &file, before)?;
             output.note(&format!("{shown}: restored"));
