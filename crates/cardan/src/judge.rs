@@ -72,7 +72,7 @@ pub(crate) struct Session<'a> {
 pub(crate) fn layout(
     setup: &Setup,
     configuration: &Configuration,
-    timed: Vec<usize>,
+    (timed, signals): (Vec<usize>, bool),
 ) -> Result<Layout, Failure> {
     let app = setup.app;
     let per_solution = app
@@ -107,6 +107,7 @@ pub(crate) fn layout(
         ],
         members: group.map_or(0, |group| group.members.len()),
         timed,
+        signals,
     })
 }
 
@@ -195,7 +196,7 @@ impl<'a> Session<'a> {
         let timed = self
             .dump
             .as_ref()
-            .map(dump::Writer::nodes)
+            .map(dump::Writer::timed)
             .unwrap_or_default();
         layout(self.setup, &self.configuration, timed)
     }

@@ -112,7 +112,9 @@ pub fn main() -> ExitCode {
         Command::Run(args) => commands::run::execute(args, output),
         Command::Build(args) => commands::build::execute(args, output),
         Command::Doctor(args) => commands::doctor::execute(args, output),
-        Command::Completions { shell } => commands::manual::completions(*shell, Cli::command()),
+        Command::Completions { shell } => {
+            commands::manual::completions(*shell, Cli::command(), output)
+        }
         Command::Man { out } => commands::manual::man(out.as_deref(), Cli::command(), output),
     };
     match done {

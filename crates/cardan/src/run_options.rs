@@ -151,12 +151,7 @@ impl RunOptions {
         };
         let (scenario, changed) = self.changed_scenario()?;
         check_nodes(&scenario, app)?;
-        let seconds = self.seconds.unwrap_or(scenario.seconds);
-        if !(seconds.is_finite() && seconds > 0.0 && seconds <= MOST_SECONDS) {
-            return Err(Failure::input(format!(
-                "--seconds {seconds}: expected a number above 0 and at most {MOST_SECONDS:e}"
-            )));
-        }
+        let seconds = self.seconds_of(&scenario)?;
         let mut firmware = self.firmware(app, formats.as_deref(), tapped)?;
         firmware.eeprom = self.eeprom.as_deref().map(eeprom_file::read).transpose()?;
         let mut table = app.nodes().to_vec();
@@ -184,6 +179,39 @@ impl RunOptions {
             seconds,
             seed: self.seed,
         })
+    }
+
+    /// How long the run is.
+    ///
+    /// # Errors
+    /// No admissible length.
+    pub(crate) fn seconds_of(&self, scenario: &Scenario) -> Result<f64, Failure> {
+        let seconds = self.seconds.unwrap_or(scenario.seconds);
+        if seconds.is_finite() && seconds > 0.0 && seconds <= MOST_SECONDS {
+            return Ok(seconds);
+        }
+        Err(Failure::input(format!(
+            "--seconds {seconds:?}: expected a number above 0 and at most {MOST_SECONDS:e}"
+        )))
+    }
+
+    /// Files that are named and not there are told also where nothing is read from them.
+    pub(crate) fn check_files(&self) -> Result<(), Failure> {
+        let files = [
+            ("--recording", &self.recording),
+            ("--firmware", &self.firmware),
+            ("--eeprom", &self.eeprom),
+            ("--wordlengths", &self.wordlengths),
+        ];
+        for (option, file) in files {
+            if let Some(file) = file.as_ref().filter(|file| !file.exists()) {
+                let file = file.display();
+                return Err(Failure::input(format!(
+                    "{option} {file}: there is no such file"
+                )));
+            }
+        }
+        Ok(())
     }
 
     /// The scenario as the other options make it; and why the limits of the bundled one do not apply.
@@ -294,8 +322,9 @@ impl RunOptions {
 
     /// The same options with the image that was resolved, so that no child builds it again.
     pub(crate) fn with_image_of(&self, setup: &Setup) -> Self {
-        let firmware =
-            (setup.firmware.name != BUNDLED_IMAGE).then(|| (&setup.firmware.name).into());
+        // The name is for people; a file keeps the one that it has.
+        let built = (setup.firmware.name != BUNDLED_IMAGE).then(|| (&setup.firmware.name).into());
+        let firmware = self.firmware.clone().or(built);
         Self {
             firmware,
             build: false,
@@ -353,8 +382,6 @@ fn check_nodes(scenario: &Scenario, app: &dyn App) -> Result<(), Failure> {
 
 /// How fast a comparison runs against the simulated time, roughly (docs/measured.md).
 const SPEED: f64 = 20.0;
-/// Memory that a comparison takes per simulated second, in bytes, over all its processes.
-const MEMORY_PER_SECOND: f64 = 4.0 * 1.6e9 / 3600.0;
 /// Runs that take longer, in seconds, say so before they begin.
 const LONG_S: f64 = 120.0;
 
@@ -412,10 +439,9 @@ impl Setup {
         }
         if seconds / SPEED > LONG_S {
             let minutes = (seconds / SPEED / 60.0).ceil();
-            let gigabytes = seconds * MEMORY_PER_SECOND / 1e9;
             output.note(&format!(
-                "this run simulates {seconds:.0} s: about {minutes} minutes (at {SPEED} times real time) \
-                 and {gigabytes:.1} GB of memory; --seconds S makes it shorter"
+                "this run simulates {seconds:.0} s: about {minutes} minutes (at {SPEED} times real time); \
+                 --seconds S makes it shorter"
             ));
         }
         Ok(())
@@ -424,10 +450,16 @@ impl Setup {
 
 /// `KEY=VALUE` of `--set`; whether there is such a parameter shows when the scenario is read.
 fn setting(text: &str) -> Result<(String, f64), String> {
-    let expected =
-        || "expected KEY=VALUE with a finite number, for example climate.start_k=358.15".to_owned();
+    let expected = || {
+        "expected KEY=VALUE with a finite number, for example climate.start_k=358.15; what is a text \
+         (motion.kind, field.site) is set in a scenario file: --print-scenario > mine.toml, --scenario mine.toml"
+            .to_owned()
+    };
     let (key, value) = text.split_once('=').ok_or_else(expected)?;
     let (key, value) = (key.trim(), value.trim());
+    if key.is_empty() {
+        return Err(expected());
+    }
     let word = || third_tilt::named(value).map(|kind| f64::from(kind as u8));
     let value = match value {
         "true" => Some(1.0),

@@ -210,6 +210,14 @@ struct Between {
 impl Between {
     fn new(group: &Group) -> Self {
         Self {
+            members: vec![Errors::with_percentile(); group.members.len()],
+            whole: Errors::with_percentile(),
+        }
+    }
+
+    /// Without percentiles, which take memory.
+    fn small(group: &Group) -> Self {
+        Self {
             members: vec![Errors::default(); group.members.len()],
             whole: Errors::default(),
         }
@@ -303,7 +311,7 @@ impl ChainJudge {
             device_truth: between(),
             device_golden: between(),
             flagged: vec![between(); bits],
-            steps: vec![between(); steps],
+            steps: vec![Between::small(group); steps],
             closure: 0.0,
             closed: 0,
             lengths: vec![0; chain.stages.len()],

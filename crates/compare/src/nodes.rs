@@ -423,6 +423,9 @@ fn check_tolerance(
     }
 }
 
+/// Half a place, and f64's own rounding.
+const NEAREST: f64 = 0.5 + 1e-9;
+
 fn check_difference(
     report: &NodeReport,
     against: &'static str,
@@ -444,6 +447,11 @@ fn check_difference(
     let Some(normalised) = difference.normalised else {
         return;
     };
+    // Half a place at most is the nearest word that there is: nothing can be wrong with that, however the
+    // errors are distributed (averages of 128 odd codes end in a tie each time).
+    if difference.max_lsb.is_some_and(|most| most <= NEAREST) {
+        return;
+    }
     for (statistic, value, limit) in [
         ("root mean square", normalised.rms, most_rms(solutions)),
         ("mean", normalised.bias.abs(), most_bias(solutions)),

@@ -373,17 +373,23 @@ impl fmt::Display for Reason {
                 percent(*share),
                 percent(*limit),
             ),
-            Self::CheckMissed(check) => write!(
-                f,
-                "{}: {} is {} {}, expected {} to {} ({})",
-                check.party,
-                check.what,
-                number(check.value),
-                check.unit,
-                number(check.least),
-                number(check.most),
-                check.reason,
-            ),
+            Self::CheckMissed(check) => {
+                let space = if check.unit.is_empty() { "" } else { " " };
+                write!(
+                    f,
+                    "{}: {} is {}{space}{}, expected {} to {}",
+                    check.party,
+                    check.what,
+                    number(check.value),
+                    check.unit,
+                    number(check.least),
+                    number(check.most),
+                )?;
+                match check.reason.as_str() {
+                    "" => Ok(()),
+                    reason => write!(f, " ({reason})"),
+                }
+            }
             Self::CompiledDiffers { by, unit } => write!(
                 f,
                 "error budget: compiled code differs from native by {} {unit} rms, expected 0",

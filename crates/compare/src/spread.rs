@@ -6,6 +6,8 @@ use std::collections::BinaryHeap;
 use serde::ser::SerializeMap;
 use serde::{Serialize, Serializer};
 
+use crate::metrics::larger;
+
 /// Largest errors that are kept for the 99th percentile: enough for runs of 6.5 million solutions; in longer ones
 /// it is undefined.
 const MOST_KEPT: usize = 1 << 16;
@@ -52,6 +54,9 @@ impl Ord for Size {
 /// Adds errors up.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Errors {
+    /// Whether the 99th percentile is wanted.
+    keeps: bool,
+    max: f64,
     sum: f64,
     square: f64,
     samples: u64,
@@ -60,11 +65,23 @@ pub(crate) struct Errors {
 }
 
 impl Errors {
+    /// With the 99th percentile.
+    pub(crate) fn with_percentile() -> Self {
+        Self {
+            keeps: true,
+            ..Self::default()
+        }
+    }
+
     /// Adds an error with its sign.
     pub(crate) fn add(&mut self, error: f64) {
+        self.max = larger(self.max, error.abs());
         self.sum += error;
         self.square += error * error;
         self.samples += 1;
+        if !self.keeps {
+            return;
+        }
         let size = Size(error.abs());
         if self.largest.len() < MOST_KEPT {
             self.largest.push(Reverse(size));
@@ -90,8 +107,8 @@ impl Errors {
             .map(|place| sizes[place]);
         Spread {
             rms: Some((self.square / count).sqrt()),
-            p99,
-            max: sizes.last().copied(),
+            p99: p99.filter(|_| self.keeps),
+            max: Some(self.max),
             bias: Some(self.sum / count),
             samples: self.samples,
         }
@@ -155,7 +172,7 @@ mod tests {
 
     #[test]
     fn figures_are_those_of_all_errors() {
-        let mut errors = Errors::default();
+        let mut errors = Errors::with_percentile();
         // 1 to 1000 in an order that is none.
         for at in 0..1000u32 {
             let size = f64::from(at * 7919 % 1000 + 1);
@@ -173,7 +190,7 @@ mod tests {
     #[test]
     fn the_percentile_is_exact_beyond_what_is_kept() {
         let count = 3 * MOST_KEPT as u64;
-        let mut errors = Errors::default();
+        let mut errors = Errors::with_percentile();
         // 7919 is prime to 3 * 2^16.
         (0..count).for_each(|at| errors.add((at * 7919 % count + 1) as f64));
         let found = errors.spread();

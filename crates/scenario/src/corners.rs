@@ -169,9 +169,23 @@ impl Spread {
             .ok_or_else(|| Error::Range {
                 place: "corners".into(),
                 key: format!("spread.{key}"),
-                value: format!("sigma {:?}, range {:?}", self.sigma, self.range),
+                value: self.shown(),
                 expected: "either sigma or range, finite and not negative".into(),
             })
+    }
+
+    /// What is given, as it is written in the file.
+    fn shown(&self) -> String {
+        let named = [("sigma", self.sigma), ("range", self.range)];
+        let given = named
+            .iter()
+            .filter_map(|(name, value)| Some(format!("{name} = {}", (*value)?)));
+        let given: Vec<String> = given.collect();
+        if given.is_empty() {
+            "{}".to_owned()
+        } else {
+            given.join(", ")
+        }
     }
 
     fn draw(&self, random: &mut Random) -> f64 {

@@ -335,13 +335,11 @@ impl Scenario {
         BUNDLED.iter().any(|(name, _)| *name == self.name)
     }
 
-    /// Whether the limits of a bundled scenario hold with that key set to any value: it is a limit itself,
-    /// or it changes nothing of motion and hardware that would widen them.
+    /// Whether the limits of a bundled scenario hold with that key set to any value: it is a limit itself.
+    /// (Averaging less, or converting without the noise that spreads the steps, makes errors larger.)
     #[must_use]
     pub fn keeps_limits(key: &str) -> bool {
-        ["tolerance.", "noise."]
-            .iter()
-            .any(|table| key.starts_with(table))
+        key.starts_with("tolerance.")
     }
 
     /// Reads and checks a scenario; `file` is for messages, `name` unless the text says another.

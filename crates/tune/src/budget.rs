@@ -153,9 +153,9 @@ fn constraint(text: &str, problem: &Problem) -> Result<Constraint, String> {
         .map_err(|_| format!("'{number}' is not a number; {SHAPE}"))?;
     let measure = measure(name, problem)?;
     let wanted: &[&str] = match measure {
-        Measure::Sqnr(_) => &[">=", ">"],
-        Measure::Overflow(_) => &["==", "<=", "="],
-        _ => &["<=", "<"],
+        Measure::Sqnr(_) => &[">="],
+        Measure::Overflow(_) => &["==", "<="],
+        _ => &["<="],
     };
     if !wanted.contains(&sign) {
         return Err(format!("'{sign}': expected '{}' here", wanted[0]));
@@ -165,7 +165,18 @@ fn constraint(text: &str, problem: &Problem) -> Result<Constraint, String> {
         Measure::Sqnr(_) | Measure::Overflow(_) | Measure::Flags
     );
     if !limit.is_finite() || limit < 0.0 || (limit == 0.0 && !zero_allowed) {
-        return Err(format!("limit {limit}: expected a finite number above 0"));
+        let least = if zero_allowed { "from 0 up" } else { "above 0" };
+        return Err(format!("limit {limit}: expected a finite number {least}"));
+    }
+    if matches!(measure, Measure::Overflow(_)) && limit != 0.0 {
+        return Err(format!(
+            "limit {limit}: expected 0: no overflow is admissible, or leave it out"
+        ));
+    }
+    if measure == Measure::Flags && limit > 1.0 {
+        return Err(format!(
+            "limit {limit}: expected a share of the solutions, 0 to 1"
+        ));
     }
     Ok(Constraint {
         text: squeezed.clone(),

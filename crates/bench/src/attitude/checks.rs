@@ -83,8 +83,10 @@ const LEAST_MOTION_LSB: f64 = 5.0;
 const OPEN: f64 = 6.0;
 /// Delays that noise leaves open by more, in milliseconds, say nothing.
 const MOST_OPEN_MS: f64 = 10.0;
-/// Solutions from which on the largest of their means is looked at.
+/// Solutions from which on gain, delay and single means are looked at.
 const LEAST_MEANS: u64 = 50;
+/// Noise of the solutions' means, in LSB, from which on the largest of them is looked at.
+const LEAST_NOISE_LSB: f64 = 0.3;
 
 /// How the held voltages of a channel follow those of ideal sensors, in codes.
 #[derive(Clone, Copy, Debug, Default)]
@@ -244,6 +246,9 @@ impl Checks {
             });
         };
         add("mean", self.held[channel].mean(), tolerance.bias_lsb, "LSB");
+        if follows.means.count < LEAST_MEANS {
+            return checks;
+        }
         // What the noise of the solutions' means leaves open; it is nearly white from solution to solution.
         let noise = follows.means.deviation();
         if follows.variance() > LEAST_MOTION_LSB.powi(2) {
@@ -260,7 +265,8 @@ impl Checks {
             let limit = tolerance.delay_ms.map(|limit| limit + open_ms);
             add("delay", step_ms * follows.delay(), limit, "ms");
         }
-        if noise > 0.0 && follows.means.count > LEAST_MEANS {
+        // Without noise there is nothing to measure a single mean by.
+        if noise > LEAST_NOISE_LSB {
             let peak = follows.means.largest / noise;
             add(
                 "largest mean over a solution",

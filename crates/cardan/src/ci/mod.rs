@@ -25,9 +25,9 @@ pub(crate) struct CiOptions {
     /// more than --margin fails, and is named
     #[arg(long, value_name = "FILE")]
     baseline: Option<PathBuf>,
-    /// By how much figures may be worse than the baseline's, in percent
-    #[arg(long, value_name = "PERCENT", default_value = "10", value_parser = percent,
-        allow_negative_numbers = true, requires = "baseline")]
+    /// By how much figures may be worse than the baseline's, in percent [default: 10]
+    #[arg(long, value_name = "PERCENT", value_parser = percent, allow_negative_numbers = true,
+        requires = "baseline")]
     margin: Option<f64>,
     /// Say every reason as an annotation of GitHub too (by itself where GITHUB_ACTIONS is set)
     #[arg(long)]
@@ -50,6 +50,11 @@ impl CiOptions {
             Some(file) => baseline::read(file)?.check(file, setup),
             None => Ok(()),
         }
+    }
+
+    /// Whether a margin is given.
+    pub(crate) const fn has_margin(&self) -> bool {
+        self.margin.is_some()
     }
 
     /// The file of results as JUnit XML.

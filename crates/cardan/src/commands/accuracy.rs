@@ -26,16 +26,24 @@ const PUBLISHED_NOISE: [f64; 2] = [0.030, 0.82];
 #[derive(Args)]
 pub(crate) struct Arguments {
     /// Random attitudes per averaging length
-    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..=1_000_000))]
+    #[arg(long, value_name = "N", default_value_t = 20_000, value_parser = clap::value_parser!(u32).range(1..=1_000_000),
+        allow_negative_numbers = true)]
     attitudes: u32,
     /// Seed of attitudes and noise
-    #[arg(long, value_name = "N", default_value_t = 1)]
+    #[arg(
+        long,
+        value_name = "N",
+        default_value_t = 1,
+        allow_negative_numbers = true
+    )]
     seed: u64,
     /// Conversions averaged, powers of two from 1 to 4096, separated by commas
-    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values_t = [1, 64], value_parser = averaging)]
+    #[arg(long, value_name = "LIST", value_delimiter = ',', default_values_t = [1, 64], value_parser = averaging,
+        allow_negative_numbers = true)]
     averaging: Vec<usize>,
     /// Largest tilt in degrees, 0 to 75
-    #[arg(long, value_name = "DEGREES", default_value_t = 60.0, value_parser = tilt)]
+    #[arg(long, value_name = "DEGREES", default_value_t = 60.0, value_parser = tilt,
+        allow_negative_numbers = true)]
     tilt: f64,
     /// The sensors' published noise (30 mg, 0.82 uT, or both) in each conversion, beside the converter's
     #[arg(long, value_name = "CHANNELS", num_args = 0..=1, require_equals = true, default_missing_value = "both")]
@@ -52,10 +60,9 @@ pub(crate) struct Arguments {
     #[arg(
         long,
         value_name = "NAME|FILE",
-        default_value = "tumble",
-        requires = "chopping"
+        help = "Scenario whose sensors and front end are chopped (a bundled one or a file) [default: tumble]"
     )]
-    scenario: String,
+    scenario: Option<String>,
 }
 
 /// Channels with the published noise.
@@ -106,7 +113,11 @@ struct Document<'a> {
 /// Runs the command. Exit 1 if native and emulated frames differ.
 pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
     if let Some(frequencies) = &arguments.chopping {
-        let scenario = Scenario::load(&arguments.scenario).map_err(Failure::input)?;
+        let name = arguments
+            .scenario
+            .as_deref()
+            .unwrap_or(cardan_scenario::scenario::DEFAULT);
+        let scenario = Scenario::load(name).map_err(Failure::input)?;
         scenario.check().map_err(Failure::input)?;
         let document = chopping::document(&scenario, frequencies)?;
         if output.is_json() {
@@ -114,6 +125,11 @@ pub(crate) fn execute(arguments: &Arguments, output: Output) -> Done {
         }
         output.result(&document.table())?;
         return Ok(ExitCode::SUCCESS);
+    }
+    if let Some(name) = &arguments.scenario {
+        return Err(Failure::input(format!(
+            "--scenario {name}: has no effect without --chopping; give that too, or leave it out"
+        )));
     }
     let noise_lsb = noise(arguments.published_levels);
     let mut rows = Vec::new();

@@ -52,7 +52,7 @@ pub(crate) struct Arguments {
         long,
         value_name = "FILE",
         requires = "send",
-        conflicts_with_all = ["out", "attitudes", "solutions", "scenario", "recording", "firmware", "wordlengths", "seconds", "seed", "set", "eeprom"]
+        conflicts_with_all = ["out", "build", "checkout", "attitudes", "solutions", "scenario", "recording", "firmware", "wordlengths", "seconds", "seed", "set", "eeprom"]
     )]
     image: Option<PathBuf>,
 }

@@ -66,8 +66,52 @@ pub(crate) struct CompareArgs {
     explain_docs: Option<std::path::PathBuf>,
 }
 
+impl CompareArgs {
+    /// Options that say how something is done are refused where it is not done. (The parser asks for it only
+    /// where nothing else forbids it.)
+    fn check_alone(&self) -> Result<(), Failure> {
+        let corners = self.corners.corners.is_some();
+        let builds = self.run.build || self.run.wordlengths.is_some();
+        let dump = self.extras.dump.file().is_some();
+        let alone = [
+            ("--mc", self.corners.has_units() && !corners, "--corners"),
+            ("--jobs", self.corners.has_jobs() && !corners, "--corners"),
+            (
+                "--margin",
+                self.extras.ci.has_margin() && self.extras.ci.baseline().is_none(),
+                "--baseline",
+            ),
+            (
+                "--dump-signal",
+                !self.extras.dump.signals().is_empty() && !dump,
+                "--dump",
+            ),
+            (
+                "--checkout",
+                self.run.checkout.is_some() && !builds,
+                "--build or --wordlengths",
+            ),
+        ];
+        for (option, is_alone, needed) in alone {
+            if is_alone {
+                return Err(Failure::input(format!(
+                    "{option}: has no effect without {needed}; give that too, or leave it out"
+                )));
+            }
+        }
+        if corners && self.in_process {
+            return Err(Failure::input(
+                "--in-process: corners are compared in processes of their own; leave it out",
+            ));
+        }
+        Ok(())
+    }
+}
+
 pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
+    args.check_alone()?;
     if let Some(node) = &args.explain {
+        args.run.check_files()?;
         return explain::execute(node, &args.run, output);
     }
     if let Some(folder) = &args.explain_docs {
@@ -106,8 +150,9 @@ pub(crate) fn compare(args: &CompareArgs, output: Output) -> Done {
 
 /// Prints a scenario, as a file that is one; as JSON its keys and values.
 fn print(run: &RunOptions, output: Output) -> Done {
+    run.check_files()?;
     let (mut scenario, _) = run.changed_scenario()?;
-    scenario.seconds = run.seconds.unwrap_or(scenario.seconds);
+    scenario.seconds = run.seconds_of(&scenario)?;
     let text = print_scenario(&scenario);
     if output.is_json() {
         let values: toml::Value = toml::from_str(&text).map_err(Failure::participant)?;

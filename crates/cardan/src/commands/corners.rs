@@ -45,6 +45,18 @@ pub(crate) struct CornerOptions {
     jobs: Option<u64>,
 }
 
+impl CornerOptions {
+    /// Whether random units are asked for.
+    pub(crate) const fn has_units(&self) -> bool {
+        self.mc > 0
+    }
+
+    /// Whether the number of comparisons at a time is given.
+    pub(crate) const fn has_jobs(&self) -> bool {
+        self.jobs.is_some()
+    }
+}
+
 /// One comparison to make.
 struct Job {
     variant: Variant,

@@ -121,6 +121,12 @@ pub(crate) fn diff(args: &DiffArgs, output: Output) -> Done {
     args.extras.files(&args.run).check()?;
     let setup = args.run.resolve()?;
     let plan = args.extras.dump.plan(setup.app)?;
+    args.extras.ci.check(&setup)?;
+    // Bad input is told before the others are waited for.
+    setup
+        .app
+        .emulated(&setup.scenario, setup.seed, setup.seconds, &setup.firmware)
+        .map_err(Failure::input)?;
     let session = args.join.join(Role::Diff, setup.formats_hash)?;
     let names = Names {
         session: args.report_session.as_deref().unwrap_or(&args.join.session),

@@ -1,5 +1,6 @@
 //! `tune`: the word lengths that meet a budget at the least cost.
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -63,7 +64,7 @@ pub(crate) struct Arguments {
     /// Without any, values beyond it saturate; words that may wrap are proven anyway
     #[arg(long, value_name = "N", default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=16))]
     guard_bits: u32,
-    /// Most candidates to simulate
+    /// Most candidates to simulate in the search; ranges, baselines and the last checks come on top
     #[arg(long, value_name = "N")]
     evaluations: Option<u64>,
     /// Most seconds to search; the result then depends on the machine's speed
@@ -279,7 +280,22 @@ fn options(arguments: &Arguments, setup: &Setup) -> Result<Options, Failure> {
             "--time {seconds}: expected a number of seconds above 0"
         )));
     }
-    let couple = |list: &String| list.split(',').map(|name| name.trim().to_owned()).collect();
+    let couple = |list: &String| -> Vec<String> {
+        list.split(',').map(|name| name.trim().to_owned()).collect()
+    };
+    for list in &arguments.couple {
+        let names: BTreeSet<String> = couple(list).into_iter().collect();
+        if names.len() < 2 {
+            return Err(Failure::input(format!(
+                "--couple {list}: expected at least two nodes, as in --couple cos_1,cos_2"
+            )));
+        }
+        if let Some(name) = arguments.lock.iter().find(|name| names.contains(*name)) {
+            return Err(Failure::input(format!(
+                "--couple {list}: {name} is locked (--lock); give one of the two"
+            )));
+        }
+    }
     let default = Options::new(arguments.budget.iter().cloned());
     Ok(Options {
         cost: match arguments.cost {

@@ -162,11 +162,11 @@ enum Rows {
 }
 
 impl Writer {
-    /// Nodes whose cycles are wanted.
-    pub(crate) fn nodes(&self) -> Vec<usize> {
+    /// Nodes whose cycles are wanted, and whether signals are that the emulated participant publishes.
+    pub(crate) fn timed(&self) -> (Vec<usize>, bool) {
         match &self.rows {
-            Rows::Solutions(_) => Vec::new(),
-            Rows::Series(series) => series.nodes(),
+            Rows::Solutions(_) => (Vec::new(), false),
+            Rows::Series(series) => (series.nodes(), series.is_published()),
         }
     }
 

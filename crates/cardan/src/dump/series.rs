@@ -123,6 +123,13 @@ impl Series {
         nodes.collect()
     }
 
+    /// Whether any is published as a signal.
+    pub(super) fn is_published(&self) -> bool {
+        self.signals
+            .iter()
+            .any(|of| of.signal.published().is_some())
+    }
+
     pub(super) fn add(
         &mut self,
         window: &Comparison,

@@ -52,7 +52,7 @@ pub(crate) fn make_folder(option: &str, folder: &Path) -> Result<(), Failure> {
     std::fs::create_dir_all(folder).map_err(|error| {
         let shown = folder.display();
         Failure::input(format!(
-            "{option} {shown}: cannot be made: {error}; give a folder that can"
+            "{option} {shown}: cannot be made: {error}; give another folder"
         ))
     })
 }

@@ -52,6 +52,10 @@ impl Plan {
     pub(crate) fn check(self) -> Result<(), Failure> {
         let mut outputs = self.outputs;
         for (option, folder, files) in self.folders {
+            if let Some((other, _)) = outputs.iter().find(|(_, file)| is_same(file, &folder)) {
+                let what = format!("is the file that {other} writes; give a folder");
+                return Err(refused(option, &folder, &what));
+            }
             let refused = |what: String| refused(option, &folder, &what);
             check_folder(&folder).map_err(refused)?;
             // Nothing can be in the way in a folder that is still to be made.

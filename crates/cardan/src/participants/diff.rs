@@ -80,7 +80,7 @@ pub(crate) fn judge(
 pub(crate) fn collect(session: Session, setup: &Setup) -> Result<Collected, Failure> {
     let mut published = Published::open(session)?;
     let configuration = published.configuration().clone();
-    let layout = judge::layout(setup, &configuration, Vec::new())?;
+    let layout = judge::layout(setup, &configuration, (Vec::new(), false))?;
     let whole = published.window(&layout, usize::MAX)?;
     let tail = published.close()?;
     let whole = whole.ok_or_else(|| Failure::participant("'emulated' published nothing"))?;

@@ -7,6 +7,7 @@ use cardan_frontend::Inner;
 use cardan_link::stream::{Events, Frames, Instants, Nodes, Signals, Stages};
 use cardan_link::{Instant, NodeWord, Session, SignalValue, Writer};
 
+use super::streams::MARK;
 use super::{
     CONFIGURATION, Models, SUMMARY, StageWriter, engine_failure, events_of, lost, node_index,
 };
@@ -54,6 +55,12 @@ impl Wanted {
             }
         }
         wanted
+    }
+}
+
+impl Wanted {
+    fn is_any(&self) -> bool {
+        !self.pins.is_empty() || !self.inner.is_empty()
     }
 }
 
@@ -114,6 +121,13 @@ impl Sink for Publisher {
             cycle: truth.cycle,
             time_s: truth.time_s,
         })?;
+        if self.wanted.is_any() {
+            self.signals.push(SignalValue {
+                cycle: truth.cycle + 1,
+                value: 0.0,
+                signal: MARK,
+            })?;
+        }
         // The truth is the first stage.
         for member in 0..self.members {
             let value = truth

@@ -31,7 +31,12 @@ pub(crate) struct Layout {
     pub(crate) members: usize,
     /// Nodes whose cycles are wanted.
     pub(crate) timed: Vec<usize>,
+    /// Whether signals are published.
+    pub(crate) signals: bool,
 }
+
+/// The signal that only says up to which cycle all others are there.
+pub(crate) const MARK: u16 = u16::MAX;
 
 /// Publishers of stages, in the order of [`Layout::stages`].
 const STAGE_ROLES: [Role; 3] = [Role::Emulated, Role::Golden, Role::Native];
@@ -246,9 +251,14 @@ impl Published {
             _ => u64::MAX,
         };
         let events = self.events.until(cycle, |event: &Event| event.cycle)?;
-        let signals = self
-            .signals
-            .until(cycle, |value: &SignalValue| value.cycle)?;
+        // Signals may be rare: those of a dump are marked at every solution, others are not waited for.
+        let signals = match layout.signals || self.is_over {
+            true => self
+                .signals
+                .until(cycle, |value: &SignalValue| value.cycle)?,
+            false => Vec::new(),
+        };
+        let signals = signals.into_iter().filter(|value| value.signal != MARK);
         let conversions = events
             .iter()
             .filter_map(|event| self.conversions.next(event));
@@ -289,7 +299,7 @@ impl Published {
             emulated,
             native,
             native_cycles,
-            signals,
+            signals: signals.collect(),
             real,
             expected,
             real_status: self.real_status.take(solutions)?,

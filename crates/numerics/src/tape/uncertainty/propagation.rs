@@ -12,12 +12,6 @@ use crate::tape::noise::rounding_noise;
 /// choices lie well within the limits that are set on errors.
 pub(super) const JUMP: f64 = 3.0;
 
-/// Whether a value is a whole number of places of 2^-frac.
-fn is_multiple(value: f64, frac: u32) -> bool {
-    let places = libm::ldexp(value, frac as i32);
-    places == places.trunc()
-}
-
 /// The error-propagating interpretation.
 pub(super) struct Propagation {
     pub(super) formats: Vec<Format>,
@@ -58,13 +52,16 @@ impl Propagation {
     pub(super) fn enter(&mut self, node: usize, mut item: Uncertain, natural: i64) -> Uncertain {
         let format = self.formats[node];
         let is_exact = item.spread.is_empty() && item.bias == 0.0 && !item.unbounded;
-        // A value without error that ends before the word does loses nothing.
-        let dropped = if is_exact && is_multiple(item.value, format.frac) {
-            0
-        } else {
-            natural.saturating_sub(format.frac.into())
+        let dropped = natural.saturating_sub(format.frac.into());
+        // What rounding makes of a value without error is known: nothing, where it ends before the word does.
+        let known = (is_exact && dropped > 0).then(|| {
+            let (word, _) = exact::quantise(item.value, format);
+            format.real(word) - item.value
+        });
+        let (variance, mean) = match known {
+            Some(error) if error.abs() <= format.lsb() => (0.0, error),
+            _ => rounding_noise(format, dropped),
         };
-        let (variance, mean) = rounding_noise(format, dropped);
         let mut spread = std::mem::take(&mut item.spread);
         self.add_source(&mut spread, variance.sqrt());
         item.bias += mean;
