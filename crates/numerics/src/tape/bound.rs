@@ -115,15 +115,17 @@ impl Interval {
 
     /// What a node of this format holds after a write of any of these values.
     pub(super) fn quantised(self, format: Format) -> Self {
-        let whole = Self::whole(format);
         let Self { lo, hi } = self.on_grid(format);
         if self.fits(format) {
             return Self::new(lo, hi);
         }
         match format.overflow {
-            Overflow::Wrap => whole,
+            Overflow::Wrap => Self::whole(format),
+            // The last word of a wide format is no f64: what stays there lies anywhere between its neighbours.
             Overflow::Saturate | Overflow::Trap => {
-                Self::new(lo.clamp(whole.lo, whole.hi), hi.clamp(whole.lo, whole.hi))
+                let least = Self::of_word(format.min_raw(), format);
+                let most = Self::of_word(format.max_raw(), format);
+                Self::new(lo.clamp(least.lo, most.lo), hi.clamp(least.hi, most.hi))
             }
         }
     }

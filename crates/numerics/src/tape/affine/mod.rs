@@ -363,7 +363,16 @@ fn written(form: Form, computed: Interval, format: Format, exact: bool) -> Optio
     let form = match format.overflow {
         _ if computed.fits(format) => form,
         Overflow::Wrap => return None,
-        Overflow::Saturate | Overflow::Trap => form.limited(computed, whole)?,
+        Overflow::Saturate | Overflow::Trap => {
+            let limited = form.limited(computed, whole)?;
+            // The last word of a wide format is no f64, and lies below the end that stands for it.
+            let last = Interval::of_word(format.max_raw(), format);
+            if last.lo == last.hi {
+                limited
+            } else {
+                limited.scaled(1.0, Interval::new(last.lo - last.hi, 0.0))
+            }
+        }
     };
     if exact {
         return Some(form);
