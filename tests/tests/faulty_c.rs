@@ -20,6 +20,8 @@ struct Fault {
 const TUMBLE: &[&str] = &["--seconds", "3"];
 const SOMERSAULT: &[&str] = &["--scenario", "somersault", "--seconds", "3"];
 
+const RAILS: &[&str] = &["--scenario", "rails", "--seconds", "12"];
+
 /// The first reason of a run of the attitude in C with this fault; none where it passes.
 fn first_reason(fault: &Fault) -> Option<String> {
     let folder = folder();
@@ -129,6 +131,24 @@ fn faults() -> Vec<Fault> {
             "    PORTC = 0x0f;\n    start_serial();\n    start_pins();",
             "ADC0 sampled at cycle",
         ),
+        Fault {
+            arguments: RAILS,
+            ..fault(
+                "codes at the lower end of the scale are not flagged",
+                "if (code == 0 || code == LAST_CODE)",
+                "if (code == LAST_CODE)",
+                "frames: native and emulated differ",
+            )
+        },
+        Fault {
+            arguments: RAILS,
+            ..fault(
+                "codes at the upper end of the scale are not flagged",
+                "if (code == 0 || code == LAST_CODE)",
+                "if (code == 0)",
+                "frames: native and emulated differ",
+            )
+        },
         Fault {
             arguments: SOMERSAULT,
             ..fault(

@@ -17,7 +17,7 @@ use crate::failure::Failure;
 use crate::judge::{self, Names};
 use crate::run_options::Setup;
 
-pub use crate::participants::diff::{Collected, Streams, Tail};
+pub use crate::participants::diff::{Collected, StageStreams, Streams, Tail};
 
 /// A recorded session.
 pub struct Rig {
@@ -80,14 +80,12 @@ impl Rig {
         (collected.real, collected.expected) = (real.reals, real.expected);
         (collected.real_status, collected.golden_status) = (real.statuses, golden.statuses);
         collected.golden = golden.reals;
-        for (stage, values) in stages {
-            collected.stages.insert(stage, values);
-        }
+        collected.stages.extend(stages);
         Ok(())
     }
 
     /// What a participant's models make of the conversions, by stage: per member, per solution.
-    fn stages(&self, party: Party) -> Result<Vec<(usize, Vec<Vec<f64>>)>, String> {
+    fn stages(&self, party: Party) -> Result<StageStreams, String> {
         let (app, configuration) = (self.setup.app, &self.collected.configuration);
         let members = app.outputs(configuration).group.map(|group| group.members);
         let nodes = app.golden_nodes();
@@ -96,14 +94,14 @@ impl Rig {
                 .iter()
                 .position(|&index| app.nodes()[index].name == node)
         };
-        let mut stages = Vec::new();
+        let mut stages = StageStreams::new();
         for (stage, mut engine) in app.models(configuration, party) {
             let kept = self.run(&mut *engine)?;
             let values = members.iter().flatten().map(|member| {
                 let values = place(&member.node).and_then(|place| kept.reals.get(&place));
                 values.cloned().unwrap_or_default()
             });
-            stages.push((stage, values.collect()));
+            stages.insert(stage, values.collect());
         }
         Ok(stages)
     }

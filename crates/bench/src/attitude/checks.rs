@@ -442,8 +442,9 @@ impl Checker for Checks {
         if held.abs() < FULL_SCALE - 1.0 - reach {
             converted.add(code - held);
         }
-        let limited = held.max(-FULL_SCALE).min(FULL_SCALE);
-        self.limited[channel].add(code - if held.is_nan() { held } else { limited });
+        // What is not a number stays.
+        let limited = held.clamp(-FULL_SCALE, FULL_SCALE);
+        self.limited[channel].add(code - limited);
     }
 
     fn instant(&mut self, time_s: f64, complete: u64) {

@@ -67,6 +67,18 @@ impl Baseline {
             )));
         }
         let now = figures(&document);
+        let before = figures(&self.0);
+        // A document without figures would let everything pass.
+        if let Some(lacking) = now.keys().find(|figure| !before.contains_key(*figure))
+            && before.len() < now.len() / 2
+        {
+            return Err(Failure::input(format!(
+                "--baseline: it has {} of this run's {} figures only, and lacks for instance '{lacking}'; \
+                 store the document of such a run anew",
+                before.len(),
+                now.len()
+            )));
+        }
         let mut worse: Vec<(f64, Reason)> = Vec::new();
         for (
             figure,

@@ -19,6 +19,9 @@ const WINDOW: usize = 128;
 /// Values per node in the order of their writing.
 pub type Streams<T> = BTreeMap<usize, Vec<T>>;
 
+/// Values along the chain, by stage (steps of the rounding behind them): per member, per solution.
+pub type StageStreams = BTreeMap<usize, Vec<Vec<f64>>>;
+
 /// What was published in a session, or in a window of it.
 #[derive(Clone, Debug)]
 pub struct Collected {
@@ -46,8 +49,8 @@ pub struct Collected {
     pub golden_status: Vec<Status>,
     /// By shared node.
     pub golden: Streams<f64>,
-    /// Per stage that is published as such (steps of the rounding behind them): per member, per solution.
-    pub stages: BTreeMap<usize, Vec<Vec<f64>>>,
+    /// Of stages that are published as such.
+    pub stages: StageStreams,
     /// Frames off the emulated line.
     pub emulated_frames: Vec<Vec<u8>>,
     /// Cycle at which each of them ended.
