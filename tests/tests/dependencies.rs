@@ -111,6 +111,85 @@ fn leaves_are_leaves_and_link_knows_no_product() {
     reaches_only("cardan-datapath", &[]);
     reaches_only("cardan-link", &[]);
     reaches_only("cardan-page", &[]);
+    reaches_only("cardan-outputs", &[]);
+}
+
+#[test]
+fn what_judges_knows_neither_models_nor_firmware_nor_product() {
+    reaches_only("cardan-compare", &["cardan-outputs", "cardan-page"]);
+    let tune = ["cardan-datapath", "cardan-numerics", "cardan-page"];
+    reaches_only("cardan-numerics", &tune[..1]);
+    reaches_only("cardan-tune", &tune);
+}
+
+/// Words of our product: its angles, channels and flags. A tool crate that names one is wired to it.
+const PRODUCT: [&str; 12] = [
+    "attitude",
+    "attitudes",
+    "yaw",
+    "pitch",
+    "roll",
+    "tilt",
+    "tilt_x",
+    "field_x",
+    "third_tilt",
+    "magnetometer",
+    "half_space",
+    "disturbed",
+];
+
+/// Lines of a crate's sources, without comments and tests, that name a word of the product.
+fn naming(folder: &str) -> Vec<String> {
+    let mut found = Vec::new();
+    let mut open = vec![cardan_tests::root().join(folder)];
+    while let Some(path) = open.pop() {
+        if path.is_dir() {
+            let entries = std::fs::read_dir(&path).expect("a folder of sources");
+            open.extend(entries.map(|entry| entry.expect("readable").path()));
+            continue;
+        }
+        if path.extension().is_none_or(|end| end != "rs") {
+            continue;
+        }
+        let text = std::fs::read_to_string(&path).expect("sources are text");
+        let code = text.split("#[cfg(test)]").next().unwrap_or_default();
+        for line in code
+            .lines()
+            .filter(|line| !line.trim_start().starts_with("//"))
+        {
+            let words = line.split(|c: char| !(c.is_ascii_alphanumeric() || c == '_'));
+            if words
+                .map(str::to_ascii_lowercase)
+                .any(|word| PRODUCT.contains(&word.as_str()))
+            {
+                found.push(format!("{}: {}", path.display(), line.trim()));
+            }
+        }
+    }
+    found
+}
+
+#[test]
+fn the_tool_names_no_angle_channel_or_flag_of_the_product() {
+    // The one key that every document has, whatever the product (`crates/compare/src/report.rs`).
+    let is_contract = |line: &String| line.ends_with("const ALWAYS: &str = \"attitude\";");
+    for tool in [
+        "compare", "link", "outputs", "page", "numerics", "tune", "datapath", "units",
+    ] {
+        let named = naming(&format!("crates/{tool}/src"));
+        let named: Vec<String> = named
+            .into_iter()
+            .filter(|line| !is_contract(line))
+            .collect();
+        assert!(
+            named.is_empty(),
+            "{tool} names words of the product:\n{}",
+            named.join("\n")
+        );
+    }
+    // The rule sees such words where they are.
+    assert!(naming("golden/src").len() > 20);
+    assert!(naming("crates/bench/src/attitude").len() > 20);
 }
 
 #[test]

@@ -107,7 +107,10 @@ impl Budget {
         if texts.is_empty() {
             return Err(BudgetError {
                 text: String::new(),
-                what: "nothing to meet: give at least one, such as 'attitude.rms<=0.05'".into(),
+                what: format!(
+                    "nothing to meet: give at least one, such as '{}.rms<=0.05'",
+                    whole(problem)
+                ),
             });
         }
         let mut constraints = Vec::new();
@@ -139,6 +142,13 @@ impl Budget {
 
 const SHAPE: &str = "expected NAME.rms|p99|max<=NUMBER, sqnr(NODE)>=NUMBERdB, lsb(NODE)<=NUMBER, \
                      overflow==0, flags<=SHARE, cycles<=N or flash<=N";
+
+/// What stands for all quantities together, or the first of them.
+fn whole(problem: &Problem) -> &str {
+    let combined = problem.combined.first().map(|combined| &combined.name);
+    let first = problem.quantities.first().map(|quantity| &quantity.name);
+    combined.or(first).map_or("NAME", String::as_str)
+}
 
 fn constraint(text: &str, problem: &Problem) -> Result<Constraint, String> {
     let squeezed: String = text.chars().filter(|c| !c.is_whitespace()).collect();
@@ -216,7 +226,7 @@ fn measure(name: &str, problem: &Problem) -> Result<Measure, String> {
         Some(rest) => (Against::Truth, rest),
         None => (Against::Golden, name),
     };
-    // `truth.rms` is the whole attitude's.
+    // `truth.rms` is that of all quantities together.
     let whole = problem
         .combined
         .first()
@@ -229,7 +239,7 @@ fn measure(name: &str, problem: &Problem) -> Result<Measure, String> {
         other => return Err(unknown(what, other, name, problem)),
     };
     if against == Against::Truth && problem.tuning.iter().any(|case| case.truths.is_empty()) {
-        return Err("there is no truth to compare with: the run has no reference attitude".into());
+        return Err("there is no truth to compare with: the run has no reference".into());
     }
     let quantity = problem.quantities.iter().position(|q| q.name == what);
     let combined = problem.combined.iter().position(|c| c.name == what);
