@@ -131,6 +131,20 @@ fn faults() -> Vec<Fault> {
             "    PORTC = 0x0f;\n    start_serial();\n    start_pins();",
             "ADC0 sampled at cycle",
         ),
+        fault(
+            "the settings in the EEPROM are overwritten",
+            SEND,
+            "            if (sequence == 50) { cli(); EEAR = 10; EEDR = 0x5a; EECR |= _BV(EEMPE); \
+             EECR |= _BV(EEPE); sei(); }\n            send_frame(sequence, averages.values, &solution);",
+            "byte 10 of the EEPROM has changed",
+        ),
+        fault(
+            "a pin outside the design changes",
+            SEND,
+            "            DDRD |= _BV(PD4); PIND = _BV(PD4);\n            \
+             send_frame(sequence, averages.values, &solution);",
+            "pin PD4 changes",
+        ),
         Fault {
             arguments: RAILS,
             ..fault(

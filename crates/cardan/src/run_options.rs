@@ -396,7 +396,11 @@ impl Setup {
         let image = &self.firmware.image;
         let eeprom = self.firmware.eeprom.as_ref();
         let eeprom = eeprom.map_or_else(|| "none".to_owned(), |given| digest(&given.bytes));
+        let recording = self.scenario.motion.recording.file.as_deref();
+        let recording = recording.map(|file| std::fs::read(file).unwrap_or_default());
+        let recording = recording.map_or_else(|| "none".to_owned(), |bytes| digest(&bytes));
         BTreeMap::from([
+            ("--recording".to_owned(), recording),
             ("--scenario".to_owned(), print_scenario(&self.scenario)),
             ("--seed".to_owned(), self.seed.to_string()),
             ("--seconds".to_owned(), self.seconds.to_string()),

@@ -100,6 +100,9 @@ pub(crate) struct NodeJudge {
     bits: Option<Bits>,
     range: Option<(i64, i64)>,
     first_overflow: Option<Occurrence>,
+    /// How often native's word was another than the last: words that stand still tell nothing new.
+    changes: usize,
+    last: Option<i64>,
     /// Values of native, golden, real, emulated and of what is expected so far.
     lengths: [usize; 5],
 }
@@ -132,6 +135,8 @@ impl NodeJudge {
             bits: node.emulated.as_ref().map(|_| Bits::default()),
             range: None,
             first_overflow: None,
+            changes: 0,
+            last: None,
             lengths: [0; 5],
         }
     }
@@ -141,6 +146,9 @@ impl NodeJudge {
     pub(crate) fn add(&mut self, node: &Node, flags: Flags<'_>, mut shown: impl FnMut(usize, f64)) {
         let per_solution = node.per_solution.max(1);
         let before = self.lengths[0];
+        for &word in &node.native {
+            self.changes += usize::from(self.last.replace(word) != Some(word));
+        }
         if let (Some(least), Some(most)) = (node.native.iter().min(), node.native.iter().max()) {
             let (low, high) = self.range.unwrap_or((*least, *most));
             self.range = Some((low.min(*least), high.max(*most)));
@@ -254,7 +262,7 @@ impl NodeJudge {
         };
         report.tolerance = report.judged().and_then(|judged| judged.limit);
         self.check_lengths(node, finished, reasons);
-        check_tolerance(node, &report, reasons, unjudged);
+        check_tolerance(node, &report, self.changes, reasons, unjudged);
         check_bits(&report, reasons);
         report.pass = reasons.len() + unjudged.len() == before;
         report.status = match (report.pass, node.overflows, on_overflow) {
@@ -394,6 +402,7 @@ fn of_solutions<'a>(
 fn check_tolerance(
     node: &Node,
     report: &NodeReport,
+    changes: usize,
     reasons: &mut Vec<Reason>,
     unjudged: &mut Vec<Reason>,
 ) {
@@ -408,7 +417,7 @@ fn check_tolerance(
         let normalised = difference
             .normalised
             .map_or(0, |found| found.samples as usize);
-        let solutions = normalised.div_ceil(node.per_solution.max(1));
+        let solutions = normalised.min(changes).div_ceil(node.per_solution.max(1));
         check_difference(report, against, difference, solutions, reasons);
     }
     let is_judged = comparisons.iter().any(|(_, comparison)| {

@@ -81,9 +81,10 @@ pub struct StatusTolerance {
     pub reason: String,
 }
 
-/// Limits that do not grow for a shorter run: they have a statistic of their own.
-const OWN: [&str; 4] = [
-    "tolerance.status.least_unflagged_s",
+/// It is a time, not a limit that grows.
+const LEAST_UNFLAGGED: &str = "tolerance.status.least_unflagged_s";
+/// Limits that hold for whole runs of the scenario only.
+const WHOLE_RUN: [&str; 3] = [
     "tolerance.channels.gain",
     "tolerance.channels.delay_ms",
     "tolerance.channels.peak",
@@ -190,9 +191,14 @@ impl Tolerance {
     pub(crate) fn widened(&self, factor: f64, seconds: f64, exact: &[&str]) -> Self {
         let mut tolerance = self.clone();
         for (key, limit, most, _) in tolerance.limits() {
-            if !OWN.contains(&key) && !exact.contains(&key) {
-                *limit = limit.map(|limit| (factor * limit).min(most));
+            if exact.contains(&key) || key == LEAST_UNFLAGGED {
+                continue;
             }
+            // Gain, delay and peak of a part of the scenario (a step, say) are others than those of all of it.
+            let holds = !WHOLE_RUN.contains(&key) || factor <= 1.0;
+            *limit = limit
+                .filter(|_| holds)
+                .map(|limit| (factor * limit).min(most));
         }
         if let Some(least_s) = tolerance.status.least_unflagged_s {
             let share = 1.0 - least_s / seconds / factor;

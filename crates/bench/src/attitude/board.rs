@@ -36,6 +36,7 @@ const CARRIER: Pin = Pin::b(1);
 const STROBE: Pin = Pin::b(2);
 const SELECT: Pin = Pin::b(3);
 const SETTLED: Pin = Pin::d(3);
+const TXD: Pin = Pin::d(1);
 const SOLVING: Pin = Pin::b(5);
 
 /// Everything outside the chip.
@@ -285,7 +286,9 @@ impl Environment for Board<'_> {
                 }
                 return;
             }
-            _ => return,
+            // The serial line is watched byte by byte, a solution by its end.
+            TXD | SOLVING => return,
+            _ => return self.state.schedule.unused(cycle, pin),
         };
         match driven {
             DrivenPin::Carrier => self.state.schedule.carrier(cycle),

@@ -77,6 +77,8 @@ impl Spread {
     }
 }
 
+/// Noise of a conversion, in LSB, that spreads the codes of a voltage at rest over the steps.
+const LEAST_DITHER_LSB: f64 = 0.3;
 /// Standard deviation of a signal, in LSB, from which on its gain is looked at.
 const LEAST_MOTION_LSB: f64 = 5.0;
 /// Deviations of noise that a gain or a delay may be off by it.
@@ -325,7 +327,7 @@ impl Checks {
             }
             let least_known = 4.0 * expected / (spread.count as f64).sqrt();
             // A signal at rest may stand anywhere within its step.
-            let at_rest = if noise > 0.0 { 0.1 } else { 0.5 };
+            let at_rest = if noise > LEAST_DITHER_LSB { 0.1 } else { 0.5 };
             add(
                 "mean",
                 spread.mean(),

@@ -29,6 +29,8 @@ pub(super) struct EmulatedDevice {
     adc: AdcErrors,
     trajectory: Arc<Trajectory>,
     calibration: Calibration,
+    /// The settings in the EEPROM.
+    settings: Vec<u8>,
     solutions: u64,
     averaging: Averaging,
     third_tilt: ThirdTilt,
@@ -51,7 +53,8 @@ impl EmulatedDevice {
             ..machine.supply()
         });
         let settings = settings_of(configuration);
-        machine.eeprom_mut()[..LEN].copy_from_slice(&settings.image());
+        let image = settings.image();
+        machine.eeprom_mut()[..LEN].copy_from_slice(&image);
         Ok(Self {
             machine,
             firmware: firmware.clone(),
@@ -59,6 +62,7 @@ impl EmulatedDevice {
             adc: AdcErrors::new(scenario, seed),
             trajectory,
             calibration: calibration_of(&settings.words),
+            settings: image.to_vec(),
             solutions: configuration.solutions,
             averaging: settings.averaging,
             third_tilt: settings.third_tilt,
@@ -94,6 +98,10 @@ impl Device for EmulatedDevice {
             + self.averaging.block_cycles();
         let stop = self.machine.run(&mut board, limit);
         board.finish(self.machine.statistics().cycles);
+        let stored = self.machine.eeprom_mut()[..LEN].iter().zip(&self.settings);
+        if let Some(at) = stored.clone().position(|(now, before)| now != before) {
+            board.state.schedule.settings(at);
+        }
         if let Some(error) = board.state.error.take() {
             return Err(EngineError::Link(error));
         }

@@ -3,6 +3,7 @@
 
 use std::collections::VecDeque;
 
+use cardan_emulator::Pin;
 use cardan_spec::timing::{
     ADC_HOLD_CYCLES, BYTE_CYCLES, CARRIER_COUNT, CPU_HZ, HALF_CARRIER_CYCLES, MOST_SEND_LAG_CYCLES,
     MOST_TURN_LAG_CYCLES, SETTLING_CYCLES, STROBE_COUNT, TURN_CYCLES,
@@ -134,6 +135,20 @@ impl Schedule {
     pub(super) fn clock(&mut self, cycle: u64, hz: u64) {
         self.violate(format!(
             "the processor's clock changes to {hz} Hz at cycle {cycle}, due: {CPU_HZ} Hz throughout"
+        ));
+    }
+
+    /// A pin that the design does not use changes.
+    pub(super) fn unused(&mut self, cycle: u64, pin: Pin) {
+        self.violate(format!(
+            "pin {pin} changes at cycle {cycle}, which the design does not use"
+        ));
+    }
+
+    /// A byte of the settings in the EEPROM is another at the end of the run.
+    pub(super) fn settings(&mut self, at: usize) {
+        self.violate(format!(
+            "byte {at} of the EEPROM has changed by the end of the run, due: the unit's settings as they were"
         ));
     }
 
