@@ -61,8 +61,9 @@ impl Serialize for GroupErrors {
     }
 }
 
-/// Root mean square of each part, over solutions without status flags: of its combined error, or per member
-/// where the group has none. In signal order; `None` for parts whose ends the run lacks.
+/// Root mean square of each part, over solutions without status flags: of its combined error, or of the only
+/// member. In signal order; `None` for parts whose ends the run lacks, and where several members have no
+/// combined error.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct ErrorBudget(pub Vec<(String, Option<f64>)>);
 

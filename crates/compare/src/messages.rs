@@ -14,7 +14,7 @@ use crate::spread::{Errors, Spread};
 /// Share of the solutions in which rounding may decide a status bit, which is not judged there. A bit
 /// with a memory stays open for as long as that lasts after a quotient of two zeros (a tumble passes the
 /// horizon often); all other solutions are judged strictly.
-const MOST_DOUBTFUL: f64 = 0.35;
+const MOST_DOUBTFUL: f64 = 0.25;
 
 /// A quantity as the messages tell it, against golden on the same inputs.
 #[derive(Clone, Debug, Serialize)]

@@ -54,9 +54,9 @@ impl Spread {
     fn add(&mut self, value: f64) {
         self.sum += value;
         self.square += value * value;
-        // What is not a number stays.
-        self.largest = if value.is_nan() {
-            value
+        // What is not a number stays: `max` alone would pass over it.
+        self.largest = if self.largest.is_nan() || value.is_nan() {
+            f64::NAN
         } else {
             self.largest.max(value.abs())
         };
@@ -529,4 +529,18 @@ fn controller(summary: &Summary) -> Vec<Check> {
         ),
     ]);
     checks
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_not_a_number_is_not_passed_over_by_what_comes_later() {
+        let mut spread = Spread::default();
+        for value in [1.0, f64::NAN, 2.0] {
+            spread.add(value);
+        }
+        assert!(spread.largest.is_nan() && spread.mean().is_nan() && spread.rms().is_nan());
+    }
 }
